@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         MissingPackageError,
         OrbitsError,
         OrbitsWarning,
+        OutOfTime,
         RetiredWarning,
         SingularityError,
         StepWarning,
@@ -54,7 +55,9 @@ if TYPE_CHECKING:
     from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.gauss import Gauss
     from orbits.integrators.implicit_midpoint import ImplicitMidpoint
+    from orbits.integrators.lie_group_variational import LieGroupVariational
     from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
+    from orbits.integrators.rattle import Rattle
     from orbits.integrators.runge_kutta_4 import RungeKutta4
     from orbits.integrators.saba import SABA
     from orbits.integrators.stormer_verlet import StormerVerlet
@@ -82,14 +85,19 @@ if TYPE_CHECKING:
     from orbits.propagation.events.own import Event
     from orbits.propagation.events.planes import NodeCrossing, PlaneCrossing
     from orbits.propagation.events.seen import Conjunction, Occultation, Opposition, Transit
+    from orbits.propagation.heartbeat import Heartbeat
+    from orbits.propagation.shadow_energy import shadow_energy
     from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
+    from orbits.propagation.verification import Verification, verify
     from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
     from orbits.scenario import Check, Scenario, Study, StudyResult, Table
     from orbits.system import System
+    from orbits.system.rigid_body import RigidBody
     from orbits.system.solar.description import solar_model
     from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem
+    from orbits.viewing.view import view
 
 __all__ = [
     "DIMENSIONLESS",
@@ -128,11 +136,13 @@ __all__ = [
     "GasDrag",
     "Gauss",
     "Happening",
+    "Heartbeat",
     "ImplicitMidpoint",
     "InputError",
     "IntegrationError",
     "Interrupted",
     "Lagrangian",
+    "LieGroupVariational",
     "LobattoIIIAB",
     "LobattoIIIBA",
     "MassLoss",
@@ -147,11 +157,14 @@ __all__ = [
     "Opposition",
     "OrbitsError",
     "OrbitsWarning",
+    "OutOfTime",
     "Pericentre",
     "PlaneCrossing",
     "PostNewtonian",
     "RadiationPressure",
+    "Rattle",
     "RetiredWarning",
+    "RigidBody",
     "RungeKutta4",
     "Scenario",
     "SingularityError",
@@ -171,6 +184,7 @@ __all__ = [
     "Transit",
     "UnitSystem",
     "UnknownNameError",
+    "Verification",
     "WallTimeOver",
     "WisdomHolman",
     "ZonalHarmonics",
@@ -189,9 +203,12 @@ __all__ = [
     "residuals",
     "resume",
     "run_from_rebound",
+    "shadow_energy",
     "solar_model",
     "state_transition",
     "to_rebound",
+    "verify",
+    "view",
 ]
 
 _HOME = {
@@ -211,6 +228,7 @@ _HOME = {
         "MissingPackageError",
         "OrbitsError",
         "OrbitsWarning",
+        "OutOfTime",
         "RetiredWarning",
         "SingularityError",
         "StepWarning",
@@ -232,7 +250,9 @@ _HOME = {
     "marching.transformed": ["TimeTransformed"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
+    "integrators.lie_group_variational": ["LieGroupVariational"],
     "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
+    "integrators.rattle": ["Rattle"],
     "integrators.runge_kutta_4": ["RungeKutta4"],
     "integrators.saba": ["SABA"],
     "integrators.stormer_verlet": ["StormerVerlet"],
@@ -258,13 +278,18 @@ _HOME = {
     "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
     "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
     "regression": ["compare", "from_rebound", "residuals", "run_from_rebound", "to_rebound"],
+    "propagation.heartbeat": ["Heartbeat"],
+    "propagation.shadow_energy": ["shadow_energy"],
     "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
+    "propagation.verification": ["Verification", "verify"],
     "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
+    "system.rigid_body": ["RigidBody"],
     "system.solar.description": ["solar_model"],
     "units": ["DIMENSIONLESS", "SOLAR", "UnitSystem"],
+    "viewing.view": ["view"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
 

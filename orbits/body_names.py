@@ -87,6 +87,25 @@ def few(names: Sequence[str], most: int = 12) -> str:
     return f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
+def orbited(names: Sequence[str], gm: NDArray[np.float64], body: str, about: str | None) -> tuple[int, int]:
+    """Return the numbers of a body and of the one that it orbits, by default the heaviest of the others.
+
+    Raises InputError if there is no other one.
+    """
+    i = index_of(body, names)
+    if len(gm) == 1:
+        raise InputError(
+            f"{names[i]!r} is alone, and has no orbit, from which obliquity and libration could be counted; "
+            "run.euler_angles(body) are those in the axes of the system."
+        )
+    if about is None:
+        return i, int(np.argmax(np.where(np.arange(len(gm)) == i, -1.0, gm)))
+    j = index_of(about, names, role="about")
+    if i == j:
+        raise InputError(f"about is {shown(about)}, the body itself; expected another one.")
+    return i, j
+
+
 def chosen(names: Sequence[str], bodies: Sequence[str] | None) -> slice | NDArray[np.intp]:
     """Return the index of these bodies along an axis of all. Raises UnknownNameError, and InputError for duplicates."""
     if bodies is None:

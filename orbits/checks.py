@@ -15,6 +15,11 @@ Floats = NDArray[np.float64]
 NOT_NUMBERS = str | bytes | bool | np.bool_ | np.timedelta64 | np.datetime64
 """Types that NumPy would convert to floats, but that are never meant as numbers."""
 
+SAME_SPEED = 1e-4
+"""The fraction by which a speed of light in physical units may differ from that of nature, as one that is rounded."""
+
+LIGHT_KM_S = 299792.458
+
 
 def checked_flag(value: Any, what: str, expected: str = "True or False") -> bool:
     """Return True or False as it was given. Raises InputError, naming it and what is expected, for anything else."""
@@ -176,3 +181,23 @@ def pole_direction(value: Any, what: str, units: Any) -> tuple[float, float, flo
     # A vector of length 1 is not changed, so that stored vectors are restored bit for bit.
     unit = found if abs(length - 1.0) <= 4e-16 else found / length
     return float(unit[0]), float(unit[1]), float(unit[2])
+
+
+def light_speed(given: Any, units: Any) -> float:
+    """Return c of a term or a force in the units of a system. Raises InputError if it is missing, no speed, or, in
+    physical units, not that of light.
+    """
+    name = type(given).__name__
+    if given.c is None and not units.is_physical:
+        raise InputError(f"{name}: c is missing; {units.name} has no speed of light: give c=...")
+    found = np.asarray(units.speed_of_light if given.c is None else units.speed_value(given.c, f"{name}: c"))
+    if found.shape != () or not (np.isfinite(found) and found > 0.0):
+        raise InputError(f"{name}: c is {shown(found.tolist())}; expected a speed > 0.")
+    c = float(found)
+    if units.is_physical and abs(c / units.speed_of_light - 1.0) > SAME_SPEED:
+        got = f"{c / units.speed_of_light * LIGHT_KM_S:.9g} km/s"
+        raise InputError(
+            f"{name}: c is {c:.9g} {units.speed}, {got}; expected the speed of light, {LIGHT_KM_S} km/s. Leave out c, "
+            "or use units=orbits.DIMENSIONLESS, in which c may be any speed."
+        )
+    return c

@@ -1,7 +1,8 @@
-"""The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `ephemeris`, `list`.
+"""The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `verify`, `ephemeris`, `ensemble`,
+`view`, `list`.
 
-Exit codes: 0 if all requirements hold, 1 if a check or a run fails, 2 for wrong use, 130 if stopped by Ctrl-C or
-SIGTERM.
+Exit codes: 0 if all requirements hold, 1 if a check or a run fails, 2 for wrong use, 75 if the wall time is over, 130
+if stopped by Ctrl-C or SIGTERM.
 """
 
 from __future__ import annotations
@@ -15,8 +16,9 @@ import typer
 from typer.core import TyperCommand, TyperOption
 
 from orbits._version import __version__
+from orbits.errors import OutOfTime
 from orbits.scenario import command
-from orbits.scenario.command import Dt, Duration, Json, Method, NoPlot, Out, Samples, guarded
+from orbits.scenario.command import Beat, Dt, Duration, Json, Method, NoPlot, Out, Samples, WallTime, guarded
 
 app = typer.Typer(
     name="orbits",
@@ -56,6 +58,8 @@ def run(
     out: Out = None,
     as_json: Json = False,
     no_plot: NoPlot = False,
+    wall_time: WallTime = None,
+    heartbeat: Beat = None,
 ) -> None:
     """Run a scenario: integrate, compare, check, draw.
 
@@ -65,7 +69,10 @@ def run(
         from orbits.scenario import load
 
         changed = command.changed(load(scenario), dt, duration, integrator, samples)
-        raise typer.Exit(command.execute(changed, out=out, as_json=as_json, no_plot=no_plot))
+        code = command.execute(
+            changed, out=out, as_json=as_json, no_plot=no_plot, wall_time=wall_time, heartbeat=heartbeat
+        )
+        raise typer.Exit(code)
 
 
 @app.command()
@@ -82,6 +89,8 @@ def resume(
         typer.Option("--any-bits", help="Go on although the processor, Numba or the kernels have changed.", metavar=""),
     ] = False,
     as_json: Json = False,
+    wall_time: WallTime = None,
+    heartbeat: Beat = None,
 ) -> None:
     """Complete an interrupted run, bit for bit, or extend a finished one.
 
@@ -92,12 +101,21 @@ def resume(
         from orbits.propagation import resume as go_on
         from orbits.scenario.typed import number_or_text
 
-        done = go_on(file, until=None if until is None else number_or_text(until), same_bits=not any_bits)
+        pacing = command.paced(wall_time, heartbeat)
+        done = go_on(
+            file,
+            until=None if until is None else number_or_text(until),
+            same_bits=not any_bits,
+            heartbeat=pacing.heartbeat,
+            wall_time=pacing.deadline,
+        )
         if until is None and done.statistics is None:
             further = with_unit(f"{2 * done.times[-1]:g}", done.system.units.time)
             text = f"complete already, nothing was done; extend it with  orbits resume {file} --until '{further}'"
             command.stderr().print(text, markup=False, soft_wrap=True)
         _show(file, done, as_json)
+        if pacing.deadline is not None and pacing.deadline.ended(done):
+            raise OutOfTime(f"{pacing.deadline.words}; go on with: orbits resume {file}")
 
 
 class _ListsPeers(TyperCommand):
@@ -170,19 +188,44 @@ def plot(
     out: Annotated[
         Path | None, typer.Option(help="Where to write the PNG; beside FILE by default.", metavar="PICTURE")
     ] = None,
+    kind: Annotated[
+        str,
+        typer.Option(
+            help="paths; elements, against time; phase, of eccentricities; resonance; error, its growth; energy; "
+            "rotation, of a rigid body.",
+            metavar="KIND",
+        ),
+    ] = "paths",
+    body: Annotated[
+        list[str] | None, typer.Option(help="A body to draw, again for more; all by default.", metavar="NAME")
+    ] = None,
+    elements: Annotated[
+        str | None, typer.Option(help="Elements to draw, with commas: a,e,inc,pomega.", metavar="NAMES")
+    ] = None,
+    resonance: Annotated[str | None, typer.Option(help="A resonance with --planet: 3:1.", metavar="P:Q")] = None,
+    planet: Annotated[str | None, typer.Option(help="The planet of a resonance.", metavar="NAME")] = None,
+    primary: Annotated[str | None, typer.Option(help="The body that the others orbit.", metavar="NAME")] = None,
 ) -> None:
-    """Draw the run in an archive: paths, energy, angular momentum.
+    """Draw the run in an archive: paths and conserved quantities, or another kind of picture.
 
-    Example: orbits plot results/solar_system/run.h5 --out solar_system.png
+    Example: orbits plot results/solar_system/run.h5 --kind elements --body Mercury --out mercury.png
     """
     with guarded():
+        from orbits.errors import InputError
         from orbits.plotting import save
         from orbits.scenario.files import picture_path, replaceable
         from orbits.trajectory import Trajectory
 
         run = Trajectory.open(file)
-        target = replaceable(picture_path(out or file.with_suffix(".png")))
-        save(run.plot(), target)
+        own = file.with_suffix(".png") if kind == "paths" else file.with_name(f"{file.stem}-{kind}.png")
+        target = replaceable(picture_path(out or own))
+        given = {"bodies": body or None, "resonance": resonance, "planet": planet, "primary": primary}
+        if kind == "rotation":
+            if len(body or []) > 1:
+                raise InputError(f"a picture of a rotation is that of one body; got {', '.join(body or [])}.")
+            given = {"body": body[0] if body else None, "about": primary, "resonance": resonance, "planet": planet}
+        given["elements"] = None if elements is None else [name.strip() for name in elements.split(",")]
+        save(run.plot(kind, **{name: value for name, value in given.items() if value is not None}), target)
         print(f"wrote {target}")
 
 
@@ -196,6 +239,30 @@ def info(file: File, as_json: Json = False) -> None:
         from orbits.trajectory import Trajectory
 
         _show(file, Trajectory.open(file), as_json)
+
+
+@app.command()
+def verify(
+    file: File,
+    recompute: Annotated[
+        str,
+        typer.Option(
+            help="What is integrated again: the last stretch, of ten seconds at most; all; or none.",
+            metavar="last|all|none",
+        ),
+    ] = "last",
+    as_json: Json = False,
+) -> None:
+    """Check an archive: checksums, times, numbers, and that the run gives the same bits when it is integrated again.
+
+    Example: orbits verify results/solar_system/run.h5 --recompute all
+    """
+    with guarded():
+        from orbits.propagation.verification import verify as check
+
+        found = check(file, recompute=recompute)  # type: ignore[arg-type]
+        print(json.dumps(found.record(), indent=1) if as_json else found)
+        raise typer.Exit(0 if found.ok else 1)
 
 
 @app.command()
@@ -234,6 +301,99 @@ def ephemeris(
         times = typed_times(run, start, stop, step, utc=utc)
         table = run.ephemeris(body or None, typed_observer(observer), times, H=h, G=g)
         print(json.dumps(record(table), indent=1) if as_json else table.text())
+
+
+@app.command()
+def ensemble(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="WHAT",
+            help="A Python file that defines `plan`; a scenario, for its massless particles or its cases; or the "
+            "folder of a campaign, to look at it.",
+        ),
+    ],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the campaign; NAME.campaign by default.", metavar="FOLDER")
+    ] = None,
+    dt: Dt = None,
+    duration: Duration = None,
+    integrator: Method = None,
+    samples: Samples = None,
+    block: Annotated[int | None, typer.Option(help="Members that are integrated together.", metavar="NUMBER")] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Number of threads; all processors by default.", metavar="NUMBER")
+    ] = None,
+    processes: Annotated[bool, typer.Option("--processes", help="Processes instead of threads.", metavar="")] = False,
+    scheduler: Annotated[
+        str | None, typer.Option(help="A Dask cluster instead: tcp://host:8786.", metavar="ADDRESS")
+    ] = None,
+    megno: Annotated[bool, typer.Option("--megno", help="MEGNO of each member too.", metavar="")] = False,
+    table_only: Annotated[
+        bool, typer.Option("--table-only", help="Keep the table of the members, and no samples.", metavar="")
+    ] = False,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Try blocks again that could not be integrated.", metavar="")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Integrate many members in blocks, on all processors or a Dask cluster; results go into a folder as they come.
+
+    The same command goes on after Ctrl-C, and a folder alone shows how far its campaign is, also while it runs.
+
+    Example: orbits ensemble kirkwood_gaps --out belt.campaign --scheduler tcp://localhost:8786
+    """
+    with guarded():
+        from orbits.ensemble import command as campaigns
+
+        if (Path(what) / campaigns.ABOUT).is_file():
+            campaigns.show(Path(what), as_json)
+            return
+        from orbits.integrators import parse
+        from orbits.scenario.typed import quantity, step_or_clock
+
+        name, plan = _plan(what)
+        plan = plan.changed(
+            dt=None if dt is None else step_or_clock(dt, "--dt"),
+            duration=None if duration is None else quantity(duration, "--duration"),
+            integrator=None if integrator is None else parse(integrator),
+            samples=samples,
+            block=block,
+            megno=True if megno else None,
+            trajectories=False if table_only else None,
+        )
+        how = {"client": scheduler, "workers": workers, "processes": processes, "retry": retry}
+        raise typer.Exit(campaigns.execute(plan, out or Path(f"{name}.campaign"), as_json=as_json, **how))
+
+
+@app.command()
+def view(
+    file: File,
+    output: Annotated[
+        Path | None,
+        typer.Option(help="Write a self-contained page for disk instead, and serve nothing.", metavar="PAGE"),
+    ] = None,
+    port: Annotated[
+        int, typer.Option(help="Port of this machine for the page; a free one by default.", metavar="NUMBER")
+    ] = 0,
+    no_browser: Annotated[
+        bool, typer.Option("--no-browser", help="Print the address, and open no browser.", metavar="")
+    ] = False,
+    limit: Annotated[
+        float, typer.Option(help="The most megabytes of samples in the page; a larger run is thinned.", metavar="MB")
+    ] = 48.0,
+) -> None:
+    """Look at the run in an archive in the browser, in three dimensions; follow it while it grows. Ctrl-C ends it.
+
+    Example: orbits view results/solar_system/run.h5, or with --output solar_system.html
+    """
+    with guarded():
+        from orbits.viewing.command import serve, write
+
+        if output is None:
+            serve(file, port=port, browser=not no_browser, limit=limit)
+        else:
+            print(f"wrote {write(file, output, limit=limit)}")
 
 
 @app.command("list")
@@ -277,6 +437,36 @@ def list_(as_json: Json = False) -> None:
         for m in methods:
             table.add_row(m.name, str(m.order), ", ".join(sorted(m.declares)) or "nothing", m.summary)
         console.print(table)
+
+
+def _plan(what: str) -> tuple[str, Any]:
+    """Return the name and the plan of a campaign: that of a file, or of the members of a scenario."""
+    from orbits.ensemble import Plan
+    from orbits.ensemble import command as campaigns
+    from orbits.errors import InputError, shown
+    from orbits.scenario import load
+    from orbits.scenario.definition import Scenario
+    from orbits.scenario.loading import executed, located
+
+    path = Path(what).expanduser()
+    if path.suffix == ".py" and path.is_file():
+        module = executed(path)
+        plan = getattr(module, "plan", None)
+        if isinstance(plan, Plan):
+            campaigns.send_by_value(module)
+            return path.stem, plan
+        if not hasattr(module, "scenario"):
+            raise InputError(
+                f"{path} defines neither `plan` nor `scenario`, plan being {shown(plan)}; expected a line such as: "
+                "plan = orbits.ensemble.Plan(orbits.ensemble.particles(...), duration=..., dt=...)"
+            )
+    scenario = load(what)
+    if not isinstance(scenario, Scenario):
+        raise InputError(f"{scenario.name!r} is a study, which has no members; use: orbits run {what}")
+    with located():
+        cases = scenario.cases()
+    options = {"dt": scenario.dt, "duration": scenario.duration, "samples": scenario.samples}
+    return scenario.name, campaigns.plan_of(cases, scenario.integrators[0], options)
 
 
 def _compare(

@@ -158,6 +158,15 @@ class Interrupted(KeyboardInterrupt):
         self.trajectory = trajectory
 
 
+class OutOfTime(OrbitsError):
+    """A command of the command line has used up its wall time, and goes on when it is given again; `propagate` and
+    `resume` return such a run instead, with the reason in `run.stopped`.
+    """
+
+    exit_code = 75
+    """EX_TEMPFAIL of sysexits.h: to be tried again."""
+
+
 def shown(value: object) -> str:
     """Return a value as it is shown in messages: on one line, not too long, even if its `repr` fails."""
     try:

@@ -198,6 +198,18 @@ class UnitSystem:
         """Return an angular momentum as float64 in this system's unit; `what` names it in errors."""
         return self._value(x, self.angular_momentum, what, "angular momentum")
 
+    def area_value(self, x: Any, what: str = "area") -> Floats:
+        """Return a length squared as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.length**2, what, "length squared")
+
+    def moment_value(self, x: Any, what: str = "moment of inertia") -> Floats:
+        """Return a moment of inertia as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.mass * self.length**2, what, "a moment of inertia")
+
+    def areal_rate_value(self, x: Any, what: str = "angular momentum per mass") -> Floats:
+        """Return an angular momentum per unit of mass as float64 in this system's unit; `what` names it in errors."""
+        return self._value(x, self.length * self.speed, what, "an angular momentum per unit of mass")
+
     def pure_value(self, x: Any, what: str = "number") -> Floats:
         """Return a number without a unit, such as an eccentricity, as float64; `what` names it in errors."""
         return self._value(x, u.dimensionless_unscaled, what, "number")

@@ -23,12 +23,14 @@ import numpy as np
 from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_light_bodies, part_precision
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
 from benchmarks.energy import part_energy
+from benchmarks.ensemble import part_ensemble
 from benchmarks.jacobi_constant import part_jacobi
 from benchmarks.map_particles import part_map_particles
 from benchmarks.native import Native
 from benchmarks.physics import part_physics
 from benchmarks.planets import part_planets
 from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
+from benchmarks.rotation import part_rotation
 from benchmarks.scattering import part_scattering
 from benchmarks.small_bodies import part_small_bodies
 from benchmarks.systems import part_systems
@@ -50,6 +52,7 @@ PARTS = {
     "planets": part_planets,
     "map_particles": part_map_particles,
     "systems": part_systems,
+    "ensemble": part_ensemble,
     "physics": part_physics,
     "energy": part_energy,
     "adaptive": part_adaptive,
@@ -71,9 +74,10 @@ PARTS = {
     "lagrangians": part_lagrangians,
     "symbolic": part_symbolic,
     "pendulum": part_pendulum,
+    "rotation": part_rotation,
 }
 
-LONG = {"energy"}
+LONG = {"energy", "ensemble"}
 """Parts that take minutes each, and are only run when they are named."""
 
 

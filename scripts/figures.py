@@ -1,6 +1,7 @@
 """Draw the pictures of the docs anew: run scenarios and copy, reduced, those of their pictures that the docs show.
 
     python scripts/figures.py                           # all of them: about twenty minutes, on an idle machine
+    python scripts/figures.py --kinds                   # of the kinds of pictures in docs/library.md
     python scripts/figures.py kepler arenstorf          # of these scenarios
     python scripts/figures.py --from results kepler   # of what `orbits run kepler` has drawn already
 
@@ -44,19 +45,35 @@ def coded(picture: Image.Image) -> bytes:
     return memory.getvalue()
 
 
+def kinds(folder: Path) -> None:
+    """Draw the kinds of pictures of a run that are shown in docs/library.md, of the run that it has there."""
+    from astropy import units as u
+
+    import orbits
+    from orbits.plotting import save
+
+    giants = orbits.System.solar_system("2000-01-01T12:00:00", bodies=["Sun", "Jupiter", "Saturn"])
+    rocks = giants.add(["Griqua", "Hilda"], primary="Sun", a=[3.27, 3.97] * u.au, e=[0.3, 0.15], M=[10, 30] * u.deg)
+    run = orbits.propagate(rocks, "wisdom-holman", dt=40 * u.day, duration=5000 * u.yr, samples=1001)
+    save(run.plot("resonance", resonance="2:1", planet="Jupiter", bodies=["Griqua"]), folder / "resonance.png")
+
+
 def main() -> None:
     """Run what is asked for and replace the pictures."""
     names = [scenario.name for scenario in bundled()]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenarios", nargs="*", help="names; all by default")
+    parser.add_argument("--kinds", action="store_true", help="draw those of docs/library.md, and nothing else")
     parser.add_argument("--from", dest="results", type=Path, help="a results folder; nothing is run then")
     given = parser.parse_args()
     if unknown := sorted(set(given.scenarios) - set(names)):
         parser.error(f"there is no scenario {unknown[0]!r}; expected some of {', '.join(names)}")
-    for name in given.scenarios or names:
+    for name in ["kinds"] if given.kinds else given.scenarios or names:
         with tempfile.TemporaryDirectory() as scratch:
             folder = given.results / name if given.results else Path(scratch)
-            if not given.results:
+            if given.kinds:
+                kinds(folder)
+            elif not given.results:
                 subprocess.run([sys.executable, "-m", "orbits", "run", name, "--out", str(folder)], check=True)
             for picture in sorted(folder.glob("*.png")):
                 if (FIGURES / picture.name).is_file():

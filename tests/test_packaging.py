@@ -53,11 +53,15 @@ def test_the_wheel_carries_the_bundled_folders_whole_and_unchanged(unpacked: Pat
         assert (bundled / path).read_bytes() == (ROOT / name / path).read_bytes()
 
 
-def test_the_wheel_carries_every_module_and_the_marker_of_types_and_nothing_else(wheel: Path, unpacked: Path) -> None:
+def test_the_wheel_carries_every_module_the_page_the_marker_of_types_and_nothing_else(
+    wheel: Path, unpacked: Path
+) -> None:
     with zipfile.ZipFile(wheel) as archive:
         packed = {path.removeprefix("orbits/") for path in archive.namelist() if path.startswith("orbits/")}
     modules = {path for path in packed if not path.startswith("_bundled/")}
-    assert modules == files_below(ROOT / "orbits", (".py", ".typed"))
+    page = {path for path in files_below(ROOT / "orbits") if path.startswith("viewing/static/")}
+    assert {"viewing/static/three.min.js", "viewing/static/three.LICENSE", "viewing/static/view.css"} <= page
+    assert modules == files_below(ROOT / "orbits", (".py", ".typed")) | page
     assert "py.typed" in modules
     assert {path.name for path in unpacked.iterdir()} == {"orbits", f"orbits-{version(unpacked)}.dist-info"}
 

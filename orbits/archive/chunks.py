@@ -49,8 +49,23 @@ class Chunks:
         for chunk in range(len(self)):
             self._check(chunk)
 
+    def damaged(self) -> list[tuple[int, int]]:
+        """Return the first and the last sample of each stretch of chunks that fail their check."""
+        found: list[tuple[int, int]] = []
+        for chunk in range(len(self)):
+            first, end = self._ends_of(chunk)
+            try:
+                self._check(chunk)
+            except (ArchiveError, StorageError):
+                start = found.pop()[0] if found and found[-1][1] == first - 1 else first
+                found.append((start, end - 1))
+        return found
+
+    def _ends_of(self, chunk: int) -> tuple[int, int]:
+        return int(self._ends[chunk - 1]) if chunk else 0, int(self._ends[chunk])
+
     def _check(self, chunk: int) -> None:
-        first, end = int(self._ends[chunk - 1]) if chunk else 0, int(self._ends[chunk])
+        first, end = self._ends_of(chunk)
         if samples_crc(self._storage, self._layout, first, end) != int(self.table["crc"][chunk]):
             self._unchecked[chunk] = True
             raise ArchiveError(

@@ -19,6 +19,7 @@ from orbits.archive.commits import CHUNK, ROW, ROW_BYTES, SLOTS, Commit, decoded
 from orbits.archive.creation import busy
 from orbits.archive.ended import Ended, ended_in
 from orbits.archive.header import Header
+from orbits.archive.pace import Pace, pace_in
 from orbits.archive.samples import Samples
 from orbits.archive.schema import Layout
 from orbits.archive.steps import KEPT, ArchivedSteps
@@ -199,6 +200,18 @@ class Archive:
         return ended_in(self._checkpoint)
 
     @property
+    def pace(self) -> Pace:
+        """How fast the run went up to its last commit."""
+        return pace_in(self._checkpoint)
+
+    @property
+    def writer(self) -> int | None:
+        """The number of the process that writes the file at this moment: -1 for one of which only the lock is seen, as
+        one on another machine; None if nothing writes it. The file is not locked to find out.
+        """
+        return self._storage.writer
+
+    @property
     def reached(self) -> float:
         """The time that the run has reached, since the epoch; in a salvaged file that of the last sample."""
         last = float(self.times[self.committed - 1]) if self.committed else 0.0
@@ -208,6 +221,11 @@ class Archive:
         furthest = max(known, key=lambda time: time * self.grid.direction)
         following = float(self.grid.goals[min(self.committed, len(self.grid.goals) - 1)])
         return min(furthest, following, key=lambda time: time * self.grid.direction)
+
+    @property
+    def marched(self) -> float:
+        """The time of the march at the last checkpoint: that of the end of a step, before the next sample."""
+        return next(iter(_reading(self._checkpoint, self.grid)), 0.0)
 
     def checkpoint(self) -> Checkpoint:
         """Return the state from which to resume, committed with the last sample. Raises ArchiveError if salvaged."""
@@ -220,6 +238,23 @@ class Archive:
         self._chunks.check_all()
         if self.steps is not None:
             self.steps.check_all()
+
+    def damaged(self) -> list[tuple[int, int]]:
+        """Return the first and the last sample of each stretch of committed samples that do not hold their checksums,
+        or cannot be read.
+        """
+        return self._chunks.damaged()
+
+    def before(self) -> tuple[Commit, Checkpoint] | None:
+        """Return the last commit but one with its checkpoint, if they are whole, and the last one is the last still."""
+        last, slot = self.last, self.last.sequence % SLOTS
+        row = self._storage.read(self.layout.commits.offset + slot * ROW.itemsize, ROW_BYTES)
+        commit = decoded(row, slot)
+        if commit is None or commit.sequence != last.sequence - 1:
+            return None
+        checkpoint, crc = _checkpoint_in(self._storage, self.layout, slot)
+        checkpoint.pop(KEPT, None)
+        return (commit, checkpoint) if crc == commit.checkpoint_crc else None
 
     @property
     def chunks(self) -> NDArray[Any]:
@@ -309,14 +344,7 @@ def _checked(storage: Storage, path: Path, layout: Layout, commit: Commit) -> tu
     if ends[-1] != commit.samples or any(first >= end for first, end in pairwise(ends)):
         raise _DamageError(f"the table of chunks is not one of {commit.samples} samples")
     chunks = Chunks(storage, path, layout, rows)
-    checkpoint: Checkpoint = {}
-    checkpoint_crc = 0
-    for name, place in layout.checkpoints[commit.slot].items():
-        array = np.empty(place.shape, dtype=place.dtype)
-        if place.size:
-            storage.read_into(raw_bytes(array), place.offset)
-            checkpoint_crc = zlib.crc32(raw_bytes(array), checkpoint_crc)
-        checkpoint[name] = array
+    checkpoint, checkpoint_crc = _checkpoint_in(storage, layout, commit.slot)
     if checkpoint_crc != commit.checkpoint_crc:
         raise _DamageError("the checkpoint does not hold its checksum")
     if len(ends) > 1:
@@ -324,3 +352,16 @@ def _checked(storage: Storage, path: Path, layout: Layout, commit: Commit) -> tu
         if samples_crc(storage, layout, first, end) != int(rows["crc"][-1]):
             raise _DamageError(f"samples {first} to {end - 1} do not hold their checksum")
     return chunks, checkpoint
+
+
+def _checkpoint_in(storage: Storage, layout: Layout, slot: int) -> tuple[Checkpoint, int]:
+    """Return the checkpoint in a slot, and its CRC-32."""
+    checkpoint: Checkpoint = {}
+    crc = 0
+    for name, place in layout.checkpoints[slot].items():
+        array = np.empty(place.shape, dtype=place.dtype)
+        if place.size:
+            storage.read_into(raw_bytes(array), place.offset)
+            crc = zlib.crc32(raw_bytes(array), crc)
+        checkpoint[name] = array
+    return checkpoint, crc

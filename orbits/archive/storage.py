@@ -88,6 +88,22 @@ class Storage:
             return error.errno not in _LOCKED
         return True
 
+    @property
+    def writer(self) -> int | None:
+        """The process that has the file locked for writing, as far as the system tells: -1 if it does not tell which;
+        None if none has. The question does not touch the lock.
+        """
+        if fcntl is None or not hasattr(fcntl, "F_OFD_GETLK"):
+            return None
+        asked = struct.pack("hhqqi4x", fcntl.F_WRLCK, os.SEEK_SET, 0, 0, 0)
+        try:
+            kind = struct.unpack("hhqqi4x", fcntl.fcntl(self.fileno(), fcntl.F_OFD_GETLK, asked))[0]
+        except OSError:
+            return None
+        if kind == fcntl.F_UNLCK:
+            return None
+        return _process_of(os.fstat(self.fileno()))
+
     def unlock(self) -> None:
         """Unlock the file for other writers; it stays open."""
         if fcntl is not None:
@@ -171,6 +187,20 @@ class Storage:
         # If that is not supported, writing one byte claims each block; existing data are kept.
         for place in range(0, size, 4096):
             self.write(place, self.read(place, 1))
+
+
+def _process_of(status: os.stat_result) -> int:
+    """Return the process of this user that has a file open for writing, -1 if none is seen."""
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError, ValueError):
+            for link in (process / "fd").iterdir():
+                found = link.stat()
+                if (found.st_dev, found.st_ino) != (status.st_dev, status.st_ino):
+                    continue
+                flags = (process / "fdinfo" / link.name).read_text().split("flags:")[1].split()[0]
+                if int(flags, 8) & os.O_ACCMODE == os.O_RDWR:
+                    return int(process.name)
+    return -1
 
 
 def free_bytes(folder: Path) -> int:

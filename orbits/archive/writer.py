@@ -155,6 +155,15 @@ class ArchiveWriter:
         """Return whether its path still refers to the file that is being written."""
         return self._storage.is_at(self.path)
 
+    @property
+    def size(self) -> int:
+        """The size of the file in bytes, with the room for all samples."""
+        return self._storage.size
+
+    def has(self, name: str) -> bool:
+        """Return whether the file has room for an array of a checkpoint, which one of an earlier version may lack."""
+        return name in self._layout.checkpoints[0]
+
     def to_archive(self) -> Archive:
         """Stop writing, and return an archive of the committed data that reads through the same open file.
 

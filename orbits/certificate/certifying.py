@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from orbits.body_names import few
 from orbits.certificate.certificate import Certificate, Finding
+from orbits.certificate.constrained import ConstrainedProblem
 from orbits.certificate.measuring import EPS, Measured, Problem
 from orbits.checks import has_unit, nonzero_number, single_number
 from orbits.diagnostics.convergence import Slope
@@ -19,7 +20,7 @@ from orbits.diagnostics.tangent import plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
-from orbits.lagrangians.base import NEWTONIAN, SEPARABLE, Lagrangian
+from orbits.lagrangians.base import CONSTRAINED, NEWTONIAN, SEPARABLE, Lagrangian
 from orbits.marching.changing import ChangingSteps
 from orbits.marching.flow import starting_state
 from orbits.marching.transformed import TimeTransformed
@@ -81,7 +82,8 @@ def certify(
             )
         start, p = starting_state(problem, q, v, None, t)
         step = _without_units(dt)
-        bound = Problem(problem, integrator, step, start, p, float(t))
+        kind = ConstrainedProblem if CONSTRAINED in problem.traits else Problem
+        bound = kind(problem, integrator, step, start, p, float(t))
         return _certificate(bound, problem.name, "", [])
     from orbits.system import System
 
@@ -95,6 +97,11 @@ def certify(
         raise InputError(
             f"dt is {shown(dt)}: steps that are chosen one by one depend on the state, so that no method is symplectic "
             "with them. Certify with a length, dt=..., or with dt=orbits.TimeTransformed()."
+        )
+    if problem.rigid:
+        raise InputError(
+            "certificates are of positions and velocities, and know no attitudes; certify the method for points, "
+            "system.replaced(forces=()). Rigid bodies keep what it declares, as their free rotation is exact."
         )
     return _of_system(problem, integrator, dt)
 
@@ -183,6 +190,8 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
     else:
         reason = "its tableau is not symplectic" if method.variational else "it has none"
         yield Finding("discrete Lagrangian", math.nan, math.nan, "", False, method.variational, True, reason)
+    for name, measured in problem.more():
+        yield _finding(name, measured, None, needed=True)
     for name, measured in problem.momentum_maps():
         yield _finding(f"momentum map: {name}", measured, MOMENTUM_MAPS in declares, needed=True)
     yield _finding("symplecticity", problem.symplecticity(), SYMPLECTIC in declares, needed=True)
@@ -191,7 +200,7 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
     yield _finding("area of a loop", problem.areas(), SYMPLECTIC in declares, needed=True)
     yield _finding("reversibility", problem.reversibility(), SYMMETRIC in declares, needed=False)
     yield _order("order of the map", problem.order(), method.order_with(problem.lagrangian))
-    if has:
+    if problem.tells_order_of_discrete_lagrangian:
         yield _order("order of L_d", problem.order_of_discrete_lagrangian(), method.order)
     if problem.lagrangian.autonomous:
         try:

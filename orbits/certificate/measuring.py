@@ -19,7 +19,7 @@ from orbits import discrete
 from orbits.diagnostics import loops
 from orbits.diagnostics.convergence import Slope, slope
 from orbits.diagnostics.symplecticity import symplecticity
-from orbits.diagnostics.tangent import plain_step, symplecticity_defect
+from orbits.diagnostics.tangent import PlainStep, plain_step, symplecticity_defect
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
@@ -97,23 +97,39 @@ class Problem:
         return float(np.max(np.abs(self.path.p) / self.weights))
 
     def step_solves_its_equations(self) -> Measured:
-        """Compiled steps against independent solutions of the tableau's equations, in 2^-53 of the state.
+        """Compiled steps against independent solutions of the equations of the tableau, or L_d, in 2^-53 of the state.
 
         The worst of up to 25 steps along the march.
         """
-        worst, grown = 0.0, 1.0
+        worst, grown, rounded = 0.0, 1.0, 0.0
         count = len(self.path) - 1
         for k in range(0, count, max(1, count // 24)):
-            q, p, t = self.path.q[k], self.path.p[k], float(self.path.t[k])
-            plain = plain_step(self.lagrangian, self.integrator.tableau, q, p, self.dt, t)
+            plain, terms = self._plain(k)
             off = max(
                 float(np.max(np.abs(self.path.q[k + 1] - plain.q) * self.weights)) / self.size,
                 float(np.max(np.abs(self.path.p[k + 1] - plain.p) / self.weights)) / self.momentum_size,
             )
             worst = max(worst, off / EPS)
             grown = max(grown, float(np.max(np.abs(plain.derivative * self.scaling))))
+            rounded = max(rounded, float(np.max(terms @ np.abs(plain.q) / self.weights)) / self.momentum_size)
         # The independent solution rounds a few dozen times, amplified by the condition number of the step.
-        return Measured(worst, 64.0 * grown, "x 2^-53", "compiled steps against independent solutions")
+        return Measured(worst, 64.0 * grown + rounded, "x 2^-53", "compiled steps against independent solutions")
+
+    def _plain(self, k: int) -> tuple[PlainStep | discrete.PhaseStep, Array]:
+        """An independent solution of the step that follows point k of the path, with its exact derivative; and what the
+        rounding of positions does to its momenta, (d, d), where these are derivatives of an L_d.
+        """
+        q, p, t = self.path.q[k], self.path.p[k], float(self.path.t[k])
+        if self._own is not None:
+            own = discrete.phase_step(self._own, q, p, self.dt, t)
+            return own, own.terms
+        tableau = (Gauss() if self.integrator.follows_kepler else self.integrator).tableau
+        return plain_step(self.lagrangian, tableau, q, p, self.dt, t), np.zeros((len(q), len(q)))
+
+    @cached_property
+    def _own(self) -> discrete.DiscreteLagrangian | None:
+        """The discrete Lagrangian of a method that has one but no tableau."""
+        return self.integrator.discrete_lagrangian(self.lagrangian)
 
     @property
     def scaling(self) -> Array:
@@ -123,11 +139,11 @@ class Problem:
         return scaled
 
     def has_discrete_lagrangian(self) -> bool:
-        """Whether the method's tableau is a symplectic pair, and so has an L_d; or it is one on Kepler orbits that has
-        one.
-        """
+        """Whether the method's tableau is a symplectic pair, and so has an L_d, or it has an L_d of its own."""
         if self.integrator.follows_kepler:
             return self.integrator.variational and NEWTONIAN in self.lagrangian.traits
+        if self._own is not None:
+            return True
         tableau = self.integrator.tableau
         defect = tableau.b[:, None] * tableau.a_bar + (tableau.b[:, None] * tableau.a).T
         return bool(np.max(np.abs(defect - np.outer(tableau.b, tableau.b))) < 1e-14)
@@ -158,6 +174,8 @@ class Problem:
             v = self.lagrangian.velocity(self.q, self.p, self.t)
             order = outwards(self._gm, self.q.reshape(-1, 3), v.reshape(-1, 3))
             return discrete.kepler_splitting(self.lagrangian, order)
+        if self._own is not None:
+            return self._own
         return discrete.vprk(self.lagrangian, self.integrator.tableau)
 
     def _in_ulps(self, residual: Array) -> tuple[float, float]:
@@ -203,12 +221,15 @@ class Problem:
             found = symplecticity(self._gm, self.q.reshape(-1, 3), v, self.integrator, self.dt, terms=terms)
             bound = 32.0 * EPS * (2 * len(self.q)) ** 0.5 + 4.0 * found.noise
             return Measured(found.massive, bound, "", "derivative of the step by differences")
+        bound, weights, cancelled = 32.0 * EPS * (2 * len(self.q)) ** 0.5, self._even_weights, 0.0
         for k in (0, len(self.path) // 3, 2 * len(self.path) // 3):
-            step = plain_step(
-                self.lagrangian, self.integrator.tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k]
-            )
-            worst = max(worst, symplecticity_defect(step.derivative, self._even_weights))
-        return Measured(worst, 32.0 * EPS * (2 * len(self.q)) ** 0.5, "", "exact derivative of the tableau's step")
+            plain, terms = self._plain(k)
+            worst = max(worst, symplecticity_defect(plain.derivative, weights))
+            # Second derivatives of L_d are 1/h times those of the map; what cancels is divided as the defect is.
+            largest = float(np.max(np.abs(plain.derivative * self.scaling)))
+            cancelled = max(cancelled, float(np.max(terms / np.outer(weights, weights))) / max(1.0, largest))
+        note = "exact derivative of the tableau's step" if self._own is None else "exact derivative of the map of L_d"
+        return Measured(worst, bound + 4.0 * EPS * cancelled, "", note)
 
     @property
     def _gm(self) -> Array:
@@ -235,7 +256,7 @@ class Problem:
         u = rng.normal(size=len(self.q))
         u /= np.sqrt(u @ u)
         dq, dp = 0.01 * _sizes(self.path.q) * u, 0.01 * _sizes(self.path.p) * u
-        start = loops.loop(self.q, self.p, dq, dp, 128)
+        start = self._onto(*loops.loop(self.q, self.p, dq, dp, 128))
         before = loops.area(*start)
         moved = loops.marched(lambda x, y: self.flow.step(x, y, steps), *start)
         after = loops.area(*moved)
@@ -248,6 +269,14 @@ class Problem:
             abs(after - before) / abs(before), noise / abs(before), "relative", f"{steps} steps, 128 points"
         )
 
+    def _onto(self, q: Array, p: Array) -> tuple[Array, Array]:
+        """Return states, (n, d) each, that the method can start from."""
+        return q, p
+
+    def more(self) -> Iterator[tuple[str, Measured]]:
+        """Properties that not every problem has."""
+        return iter(())
+
     def reversibility(self, steps: int = 7) -> Measured:
         """The difference from the start after `steps` steps and as many back, in units of 2^-53 of the state."""
         q, p = self.path.q[steps], self.path.p[steps]
@@ -257,12 +286,15 @@ class Problem:
             float(np.max(np.abs(q - self.q) * self.weights)) / self.size,
             float(np.max(np.abs(p - self.p) / self.weights)) / self.momentum_size,
         )
-        grown, tableau = 1.0, (Gauss() if self.integrator.follows_kepler else self.integrator).tableau
-        for k in range(steps):
-            at = plain_step(self.lagrangian, tableau, self.path.q[k], self.path.p[k], self.dt, self.path.t[k])
-            grown = max(grown, float(np.max(np.abs(at.derivative * self.scaling))))
         # The low parts are dropped at the turn; the motion amplifies that rounding by at most this much.
-        return Measured(off / EPS, 8.0 * steps * grown, "x 2^-53")
+        return Measured(off / EPS, 8.0 * steps * self._growth(steps), "x 2^-53")
+
+    def _growth(self, steps: int) -> float:
+        """The largest element of the derivatives of the first steps, at least 1."""
+        grown = 1.0
+        for k in range(steps):
+            grown = max(grown, float(np.max(np.abs(self._plain(k)[0].derivative * self.scaling))))
+        return grown
 
     def energy(self) -> Measured:
         """The drift of the energy error over its oscillation; well below 1 if the error is bounded.
@@ -295,7 +327,7 @@ class Problem:
     def _order_over(self, steps: int) -> Slope:
         span = steps * self.dt
         try:
-            q, _ = Flow(self.lagrangian, Gauss(stages=8), self.dt / 16, t=self.t).step(self.q, self.p, 16 * steps)
+            q = self._reference(steps)
         except IntegrationError:
             return Slope(math.nan, (), ())
         h, errors = [], []
@@ -308,6 +340,18 @@ class Problem:
             errors.append(float(np.max(np.abs(x - q) * self.weights)) / self.size)
         return slope(h, errors, floor=_plateau(3e-13, errors), ceiling=2e-3)
 
+    def _reference(self, steps: int) -> Array:
+        """Return q after so many steps, by short steps of Gauss collocation of order 16."""
+        return Flow(self.lagrangian, Gauss(stages=8), self.dt / 16, t=self.t).step(self.q, self.p, 16 * steps)[0]
+
+    @property
+    def tells_order_of_discrete_lagrangian(self) -> bool:
+        """Whether L_d can be compared with the exact one."""
+        return self.has_discrete_lagrangian()
+
+    def _true_action(self, q: Array, p: Array, h: float, t: float) -> tuple[float, Array]:
+        return true_action(self.lagrangian, q, p, h, t)
+
     def order_of_discrete_lagrangian(self) -> Slope:
         """The slope of |L_d - exact L_d| along a true solution, less 1."""
         L_d = self.discrete_lagrangian
@@ -319,7 +363,7 @@ class Problem:
             try:
                 for k in starts:
                     q, t = self.path.q[k], float(self.path.t[k])
-                    action, end = true_action(self.lagrangian, q, self.path.p[k], step, t)
+                    action, end = self._true_action(q, self.path.p[k], step, t)
                     worst = max(worst, abs(L_d.value(q, end, step, t) - action) / scale)
             except (IntegrationError, InputError):
                 continue  # the step is far too long

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from orbits.checks import finite_number, whole_number
 from orbits.discrete.base import Array, DiscreteLagrangian, Jet, time_step
+from orbits.discrete.constrained import Constrained, require_constraints_kept
 from orbits.discrete.newton import solve
 from orbits.discrete.path import points_of
 from orbits.errors import InputError
@@ -42,6 +43,12 @@ def boundary_value(
     InputError for arguments that do not fit, ConvergenceError if Newton's method fails.
     """
     step, start = time_step(h), finite_number(t0, "t0")
+    require_constraints_kept(discrete)
+    if isinstance(discrete, Constrained):
+        raise InputError(
+            f"{discrete.name}: boundary values with constraints are not solved. Expected a Lagrangian without any, "
+            "such as one in angles."
+        )
     steps = whole_number(steps, "steps")
     shape = np.shape(q_start)
     first, last = discrete.vector(q_start, "q_start"), discrete.vector(q_end, "q_end")
@@ -113,3 +120,22 @@ def block_solve(jets: list[Jet], right: Array) -> Array:
         parts[k] = np.linalg.solve(pivots[k], parts[k] - upper[k] @ parts[k + 1])
     solved: Array = parts.reshape(right.shape)
     return solved
+
+
+def joined(jets: list[Jet]) -> Jet:
+    """Return the sum of the steps of a path with stationary action as a function of its ends alone.
+
+    The inner points depend on the ends: they are eliminated (Schur complement).
+    """
+    first, last = jets[0], jets[-1]
+    if len(jets) == 1:
+        return first
+    d = first.d1.size
+    by_ends = np.zeros(((len(jets) - 1) * d, 2 * d))
+    by_ends[:d, :d] = first.d12.T
+    by_ends[-d:, d:] = last.d12
+    moved = block_solve(jets, by_ends)
+    d11 = first.d11 - first.d12 @ moved[:d, :d]
+    d12 = -first.d12 @ moved[:d, d:]
+    d22 = last.d22 - last.d12.T @ moved[-d:, d:]
+    return Jet(float(sum(jet.value for jet in jets)), first.d1, last.d2, d11, d12, d22)

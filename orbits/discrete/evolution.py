@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from orbits.checks import finite_number, whole_number
 from orbits.discrete.base import Array, DiscreteLagrangian, time_step
+from orbits.discrete.constrained import Constrained, require_constraints_kept
 from orbits.discrete.newton import solve
 from orbits.errors import InputError
 from orbits.lagrangians.base import show
@@ -93,15 +94,19 @@ def _next(
 ) -> Array:
     """Return q1 with -D1 L_d(q, q1) = p."""
     h, t = time_step(h), finite_number(t, "t")
+    require_constraints_kept(discrete)
     if guess is None:
         guess = discrete.guess(q, p, h, t)
+
+    of = f" {index}" if index >= 0 else ""
+    failure = f"{discrete.name}: step{of} from q = {show(q)} with p = {show(p)}, h = {h:.6g}"
+    if isinstance(discrete, Constrained):
+        return discrete.next_point(q, p, h, t, guess, failure, index)
 
     def equations(x: Array) -> tuple[Array, Callable[[Array], Array]]:
         jet = discrete.jet(q, x, h, t)
         return jet.d1 + p, lambda right: invert(discrete, jet.d12, right, q, x)
 
-    of = f" {index}" if index >= 0 else ""
-    failure = f"{discrete.name}: step{of} from q = {show(q)} with p = {show(p)}, h = {h:.6g}"
     scale = max(float(np.max(np.abs(q))), float(np.max(np.abs(guess))))
     return solve(equations, guess, scale=scale, failure=failure, step=index, time=t)
 

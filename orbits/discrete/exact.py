@@ -2,9 +2,9 @@
 
     L_d^E(q0, q1; h) = int_0^h L(q(t), q'(t), t) dt,      -D1 L_d^E = p(0),   D2 L_d^E = p(h).
 
-The free particle, the harmonic oscillator and the Kepler problem have closed forms. For any other Lagrangian the
-boundary-value problem is solved by Gauss collocation on a mesh, which is a discrete variational problem as well. The
-mesh is refined until more stages change nothing; the stationary action is then L_d^E to round-off.
+The free particle, the harmonic oscillator, the Kepler problem and the free rigid body have closed forms. For any other
+Lagrangian the boundary-value problem is solved by Gauss collocation on a mesh, which is a discrete variational problem
+as well. The mesh is refined until more stages change nothing; the stationary action is then L_d^E to round-off.
 
 Source: Marsden & West (2001), sec. 1.6, 2.3; Hairer, Lubich & Wanner (2006), sec. VI.6.
 """
@@ -16,12 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
-from orbits.discrete.boundary import block_solve, jets_of, stationary
+from orbits.discrete.boundary import jets_of, joined, stationary
 from orbits.discrete.exact_linear import exact_linear
 from orbits.discrete.lambert import Way, exact_kepler
+from orbits.discrete.rotors import kick_rotate_kick
 from orbits.discrete.vprk import Vprk, vprk
 from orbits.errors import ConvergenceError, InputError, shown
-from orbits.lagrangians.base import show
+from orbits.lagrangians.base import Lagrangian, show
 from orbits.tableaux.gauss import gauss
 
 STAGES, FEWER = 8, 6
@@ -48,20 +49,7 @@ class ExactByCollocation(DiscreteLagrangian):
         return jet.d11, jet.d12, jet.d22
 
     def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
-        jets = self._jets(q0, q1, h, t)
-        first, last = jets[0], jets[-1]
-        if len(jets) == 1:
-            return first
-        # The inner points depend on the ends: eliminate them (Schur complement).
-        d = q0.size
-        by_ends = np.zeros(((len(jets) - 1) * d, 2 * d))
-        by_ends[:d, :d] = first.d12.T
-        by_ends[-d:, d:] = last.d12
-        moved = block_solve(jets, by_ends)
-        d11 = first.d11 - first.d12 @ moved[:d, :d]
-        d12 = -first.d12 @ moved[:d, d:]
-        d22 = last.d22 - last.d12.T @ moved[-d:, d:]
-        return Jet(float(sum(jet.value for jet in jets)), first.d1, last.d2, d11, d12, d22)
+        return joined(self._jets(q0, q1, h, t))
 
     def _jets(self, q0: Array, q1: Array, h: float, t: float) -> list[Jet]:
         """Return the steps of the converged mesh."""
@@ -113,7 +101,8 @@ def exact(lagrangian: Mechanics, *, way: Way = "short") -> DiscreteLagrangian:
     """Return the exact discrete Lagrangian of a Lagrangian.
 
     way : which of the two arcs of a Kepler orbit: "short" for below 180 degrees, "long" for above
-    'free-particle', 'harmonic-oscillator' and 'kepler' have closed forms, with constants taken from the Lagrangian.
+    'free-particle', 'harmonic-oscillator', 'kepler' and free rigid bodies have closed forms, with constants taken from
+    the Lagrangian.
     For any other Lagrangian the motion is found by iteration from the straight line between the points. Where h is so
     long that several motions join them, it may find another one than expected, or none, a ConvergenceError. Raises
     InputError for a `way` of a Lagrangian without two arcs.
@@ -133,9 +122,21 @@ def exact(lagrangian: Mechanics, *, way: Way = "short") -> DiscreteLagrangian:
         gm = -float(f @ probe) * np.sqrt(r2) / mass
         if gm > 0.0 and _close(p, mass * probe, p) and _close(f, -mass * gm * probe / r2**1.5, f):
             return exact_kepler(gm, way, mass=mass, lagrangian=lagrangian)
+    elif (free := _free_rotor(lagrangian)) is not None:
+        return free
     if way != "short":
         raise InputError(f"way = {shown(way)} chooses an arc of a Kepler orbit; '{lagrangian.name}' has no such arcs")
     return exact_by_collocation(lagrangian)
+
+
+def _free_rotor(lagrangian: Mechanics) -> DiscreteLagrangian | None:
+    """Return the closed form of a rigid body about a fixed point, if no torque acts on it."""
+    if not isinstance(lagrangian, Lagrangian) or len(lagrangian.rotors) != 1 or lagrangian.dimension != 4:
+        return None
+    probes = np.array([[1.0, 0.3, -0.2, 0.6], [0.2, -0.7, 0.9, 0.4]])
+    if any(lagrangian.gradients(q, np.zeros(4))[0].any() for q in probes):
+        return None
+    return kick_rotate_kick(lagrangian, name=f"exact-{lagrangian.name}")
 
 
 def _close(x: Array, y: Array, size: Array) -> bool:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from orbits.checks import finite_number
 from orbits.discrete.base import Array, DiscreteLagrangian, time_step
+from orbits.discrete.constrained import Constrained, require_constraints_kept
 from orbits.discrete.evolution import advance, invert, step
 from orbits.discrete.newton import solve
 from orbits.errors import InputError, shown
@@ -54,13 +55,16 @@ def inverse_legendre_plus(
     """Return (q0, q1) with D2 L_d(q0, q1) = p1, each (d,); t : time at q0. Raises ConvergenceError, InputError."""
     x1, p = discrete.vector(q1, "q1"), discrete.vector(p1, "p1")
     h, t = time_step(h), finite_number(t, "t")
+    require_constraints_kept(discrete)
     guess = discrete.guess(x1, p, -h, t + h)
+    failure = f"{discrete.name}: no q0 leads to q1 = {show(x1)} with p1 = {show(p)}, h = {h:.6g}"
+    if isinstance(discrete, Constrained):
+        return discrete.previous_point(x1, p, h, t, guess, failure), x1
 
     def equations(x: Array) -> tuple[Array, Callable[[Array], Array]]:
         jet = discrete.jet(x, x1, h, t)
         return jet.d2 - p, lambda right: invert(discrete, jet.d12.T, right, x, x1)
 
-    failure = f"{discrete.name}: no q0 leads to q1 = {show(x1)} with p1 = {show(p)}, h = {h:.6g}"
     scale = max(float(np.max(np.abs(x1))), float(np.max(np.abs(guess))))
     return solve(equations, guess, scale=scale, failure=failure, time=t), x1
 
@@ -133,7 +137,12 @@ def pull_back(
 def pair_derivative(
     discrete: DiscreteLagrangian, q0: ArrayLike, q1: ArrayLike, q2: ArrayLike, h: float, t: float = 0.0
 ) -> Array:
-    """Return the derivative of F at (q0, q1), F(q0, q1) = (q1, q2), (2d, 2d); t : time at q0."""
+    """Return the derivative of F at (q0, q1), F(q0, q1) = (q1, q2), (2d, 2d); t : time at q0. With constraints it is
+    that for vectors tangent to them.
+    """
+    if isinstance(discrete, Constrained):
+        x0, x1, x2 = discrete.vector(q0, "q0"), discrete.vector(q1, "q1"), discrete.vector(q2, "q2")
+        return discrete.pair_derivative(x0, x1, x2, time_step(h), t)
     _, before12, before22 = discrete.hessian(q0, q1, h, t)
     after11, after12, _ = discrete.hessian(q1, q2, h, t + h)
     d = len(after12)
@@ -143,7 +152,11 @@ def pair_derivative(
 
 
 def phase_derivative(discrete: DiscreteLagrangian, q0: ArrayLike, q1: ArrayLike, h: float, t: float = 0.0) -> Array:
-    """Return the derivative of F~ at (q0, p0), where the step goes from q0 to q1, (2d, 2d)."""
+    """Return the derivative of F~ at (q0, p0), where the step goes from q0 to q1, (2d, 2d). With constraints it is that
+    for vectors tangent to them.
+    """
+    if isinstance(discrete, Constrained):
+        return discrete.phase_derivative(discrete.vector(q0, "q0"), discrete.vector(q1, "q1"), time_step(h), t)
     d11, d12, d22 = discrete.hessian(q0, q1, h, t)
     d = len(d12)
     x0, x1 = discrete.vector(q0, "q0"), discrete.vector(q1, "q1")

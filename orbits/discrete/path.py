@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from orbits.checks import finite_number, nonzero_number
 from orbits.discrete.base import Array, DiscreteLagrangian
+from orbits.discrete.constrained import require_constraints_kept
 from orbits.errors import InputError
 
 UNIFORM = 8.0 * 2.0**-52
@@ -49,6 +50,7 @@ def euler_lagrange_residual(
     A path that solves the equations leaves only round-off. Stored positions are rounded by eps |q|, which their
     differences amplify: expect about |q|/|dq| ulps, not one. Raises InputError for other shapes or times.
     """
+    require_constraints_kept(discrete)
     points, shape = points_of(discrete, path, least=3)
     step, start = spacing(h, len(points), t0)
     pairs = itertools.pairwise(points)
@@ -73,6 +75,7 @@ def momentum_residual(
     Stronger than `euler_lagrange_residual`, which is the difference of two of these and cannot see what an equivalent
     L_d adds to all momenta. Raises InputError for other shapes or times.
     """
+    require_constraints_kept(discrete)
     points, shape = points_of(discrete, path, least=2)
     p, _ = points_of(discrete, momenta, least=2)
     if p.shape != points.shape:

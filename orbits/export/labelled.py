@@ -21,18 +21,24 @@ if TYPE_CHECKING:
     from astropy.time import Time
 
 COMPONENTS = ("x", "y", "z")
+QUATERNION = ("a", "b", "c", "d")
 J2000, J2000_JD = np.datetime64("2000-01-01T12:00", "us"), 2451545.0
 MOST_DAYS = 290_000 * 365.25
 TDB = "tdb"
-COLUMNS = {"q": COMPONENTS, "v": ("vx", "vy", "vz")}
-"""Names of the components of a vector in tables, where each has a column of its own."""
+COLUMNS = {
+    "q": COMPONENTS,
+    "v": ("vx", "vy", "vz"),
+    "attitude": tuple(f"attitude_{part}" for part in QUATERNION),
+    "spin": tuple(f"spin_{axis}" for axis in COMPONENTS),
+}
+"""Names of the components of a vector, or a quaternion, in tables, where each has a column of its own."""
 
 
 @dataclass(frozen=True)
 class Variable:
     """One quantity of all bodies.
 
-    values : float64, with axes `dims`: those of ("time", "body", "component") that it has, in this order
+    values : float64, with axes `dims`: those of ("time", "body", "component", "quaternion") that it has, in this order
     unit : their unit
     """
 
@@ -104,7 +110,7 @@ class Labelled:
         return frame
 
     def xarray(self) -> xarray.Dataset:
-        """Return a Dataset with the axes time, body and component.
+        """Return a Dataset with the axes time, body and component, and quaternion for attitudes of rigid bodies.
 
         Units are in each variable's `.attrs["units"]`. With an epoch there is a coordinate `date` along time.
         """
@@ -118,6 +124,8 @@ class Labelled:
         coordinates["body"] = ("body", np.array(self.names, dtype=object))
         if any("component" in variable.dims for variable in self.variables.values()):
             coordinates["component"] = ("component", np.array(COMPONENTS, dtype=object))
+        if any("quaternion" in variable.dims for variable in self.variables.values()):
+            coordinates["quaternion"] = ("quaternion", np.array(QUATERNION, dtype=object))
         variables = {
             name: (variable.dims, variable.values, {"units": str(variable.unit)})
             for name, variable in self.variables.items()
@@ -137,7 +145,7 @@ class Labelled:
         for name, variable in self.variables.items():
             if (self.times is not None) != ("time" in variable.dims):
                 continue
-            if "component" in variable.dims:
+            if {"component", "quaternion"} & set(variable.dims):
                 for k, column in enumerate(COLUMNS[name]):
                     columns[column] = (variable.values[..., k].ravel(), variable.unit)
             else:

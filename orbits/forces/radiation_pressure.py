@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.checks import light_speed
 from orbits.errors import InputError, shown
 from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
@@ -100,12 +101,7 @@ class RadiationPressure(CentralForce):
         beta = self.in_unit(1.0, "beta", units.pure_value)
         if np.any(np.asarray(beta) < 0.0):
             raise InputError(f"RadiationPressure: beta is {shown(beta)}; expected numbers >= 0.")
-        if self.c is None and not units.is_physical:
-            raise InputError(f"RadiationPressure: c is missing; {units.name} has no speed of light: give c=...")
-        c = np.asarray(units.speed_of_light if self.c is None else units.speed_value(self.c, "c of RadiationPressure"))
-        if c.shape != () or not (np.isfinite(c) and c > 0.0):
-            raise InputError(f"RadiationPressure: c is {shown(c.tolist())}; expected a speed > 0.")
-        return replace(self, beta=beta, c=float(c) * units.speed)
+        return replace(self, beta=beta, c=light_speed(self, units) * units.speed)
 
     def constants(self, row: int, units: Any) -> Sequence[float]:
         """Return 1 / c."""

@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from orbits.discrete.base import DiscreteLagrangian
 from orbits.errors import InputError
-from orbits.integrators.forms import Form
-from orbits.lagrangians.base import GRADIENTS, Lagrangian
+from orbits.integrators.forms import Array, Form
+from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, Lagrangian
 from orbits.tableaux import PartitionedTableau
 
 SYMPLECTIC = "symplectic"
@@ -48,7 +49,8 @@ class Integrator:
     source : the literature on the method
 
     A method has one or two forms, see `Form`: `second_order` for separable Lagrangians, in positions and
-    velocities, and `canonical` for any regular one, in positions and momenta.
+    velocities, and `canonical` for any regular one, in positions and momenta; or `constrained`, for separable
+    Lagrangians with constraints.
     """
 
     name: ClassVar[str]
@@ -120,14 +122,28 @@ class Integrator:
         """The form for any regular Lagrangian, or None."""
         return None
 
+    @property
+    def constrained(self) -> Form | None:
+        """The form for separable Lagrangians with constraints, in positions and velocities, or None."""
+        return None
+
     def form_with(self, forces: int, inner: int = 0) -> Form | None:
         """Return the form, in positions and velocities, for bodies with terms of any kind and `forces` forces without a
         Lagrangian, which have so many internal variables together, or None.
         """
         return None
 
+    def form_of_rotors(self, lagrangian: Lagrangian) -> Form | None:
+        """Return the form, in positions and momenta, for a Lagrangian of rigid bodies, or None."""
+        return None
+
     def form(self, lagrangian: Lagrangian, *, canonical: bool = False) -> Form | None:
         """Return the form for this Lagrangian, the canonical one if it is requested or the only one."""
+        of_rotors = self.form_of_rotors(lagrangian) if lagrangian.rotors else None
+        if of_rotors is not None:
+            return of_rotors
+        if CONSTRAINED in lagrangian.traits:
+            return None if canonical else self.constrained
         if not canonical and self.requires <= lagrangian.traits and self.second_order is not None:
             return self.second_order
         return self.canonical if GRADIENTS in lagrangian.traits else None
@@ -147,10 +163,26 @@ class Integrator:
         """Return whether this method can march `lagrangian`."""
         return self.form(lagrangian) is not None
 
+    def discrete_lagrangian(self, lagrangian: Lagrangian) -> DiscreteLagrangian | None:
+        """Return the discrete Lagrangian whose map a step is, for methods that have one but no tableau; else None."""
+        return None
+
+    def refusal(self, lagrangian: Lagrangian, q: Array, p: Array, dt: float, *, share: float = 1.0) -> str | None:
+        """Return why equations that did not converge from (q, p) have no solution, and the remedy, or None if this is
+        not known; share : the longest step in dt, as a fraction of it.
+        """
+        return None
+
     def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
         """Raise InputError if this method cannot march `lagrangian`, naming those of `others` that can."""
         if self.serves(lagrangian):
             return
+        if CONSTRAINED in lagrangian.traits:
+            raise InputError(
+                f"{self.name} does not keep constraints, and '{lagrangian.name}' has {len(lagrangian.constraints)}: "
+                f"{', '.join(f'{g} = 0' for g in lagrangian.constraints)}. Use orbits.Rattle(), or raise its order "
+                "with orbits.Composition(orbits.Rattle(), order=4)."
+            )
         missing = self.requires - lagrangian.traits
         able = sorted(c.__name__ for c in others.values() if any(m.serves(lagrangian) for m in c.examples()))
         remedy = f"Use {' or '.join(able)}." if able else "No method of this package can."

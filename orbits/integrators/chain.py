@@ -127,6 +127,10 @@ class Chain(Form):
         """As for the base."""
         return self.base.scratch_shape(size)
 
+    def guess(self, carry: Array, v: Array) -> None:
+        """As for the base."""
+        self.base.guess(carry, v)
+
     def forget(self, carry: Array) -> None:
         """As for the base."""
         self.base.forget(carry)

@@ -18,10 +18,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from orbits.discrete.base import DiscreteLagrangian
+from orbits.discrete.composed import composed
+from orbits.discrete.rotors import kick_rotate_kick
 from orbits.errors import InputError, shown
 from orbits.integrators.base import SYMMETRIC, Integrator
 from orbits.integrators.chain import Chain
 from orbits.integrators.forms import Array, Form
+from orbits.integrators.rotating import Rotating
 from orbits.integrators.splitting import Splitting
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.lagrangians.base import Lagrangian
@@ -139,10 +143,39 @@ class Composition(Integrator):
         base = self.base.canonical
         return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
 
+    @property
+    def constrained(self) -> Form | None:
+        """The sequence of the base's steps, if it has this form."""
+        base = self.base.constrained
+        return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
+
     def form_with(self, forces: int, inner: int = 0) -> Form | None:
         """The sequence of the base's steps, if it has such a form."""
         base = self.base.form_with(forces, inner)
         return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
+
+    def form_of_rotors(self, lagrangian: Lagrangian) -> Form | None:
+        """A single splitting if the base consists of kicks and drifts, else the sequence of its steps, if any."""
+        if self._chain:
+            return Rotating.between(lagrangian, self._scheme.binary_kicks_and_drifts)
+        base = self.base.form_of_rotors(lagrangian)
+        return None if base is None else Chain(base, self._scheme.binary_steps, self.substeps)
+
+    def discrete_lagrangian(self, lagrangian: Lagrangian) -> DiscreteLagrangian | None:
+        """The sum of those of the steps; of kicks and drifts, with the kicks of each drift."""
+        if self._chain and lagrangian.rotors:
+            kicks, drifts = self._scheme.binary_kicks_and_drifts(1.0)
+            ends = np.append(np.zeros(len(drifts) - 1), kicks[-1])
+            shares = zip(kicks[:-1] / drifts, ends / drifts, strict=True)
+            parts = [kick_rotate_kick(lagrangian, before=float(a), after=float(b)) for a, b in shares]
+            return composed(parts, lambda h: self._scheme.binary_kicks_and_drifts(h)[1])
+        base = self.base.discrete_lagrangian(lagrangian)
+        return None if base is None else composed(base, self._scheme.binary_steps)
+
+    def refusal(self, lagrangian: Lagrangian, q: Array, p: Array, dt: float, *, share: float = 1.0) -> str | None:
+        """That of the base, for the longest step."""
+        longest = float(np.max(np.abs(self._scheme.binary_steps(1.0)))) if not self._chain else 1.0
+        return self.base.refusal(lagrangian, q, p, dt, share=share * longest)
 
     def serves(self, lagrangian: Lagrangian) -> bool:
         """Return whether the base can march `lagrangian`."""

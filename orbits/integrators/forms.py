@@ -132,6 +132,11 @@ class Form:
         """
         return None
 
+    def guess(self, carry: Array, v: Array) -> None:
+        """Write what a cold start in canonical form guesses from the velocities, (d,), into the carry: by default
+        nothing.
+        """
+
     def forget(self, carry: Array) -> None:
         """Delete the part of the carry that depends on the length of the steps, for a step of another length."""
         carry[:] = 0.0
@@ -145,6 +150,14 @@ class Form:
     def inner_of(self, carry: Array) -> Array:
         """Return a view of the internal variables of forces in the carry, those of one force after another."""
         return carry[:0].reshape(-1)
+
+    def inner_values(self, state: Mapping[str, Array]) -> Array:
+        """Return a copy of the internal variables of forces in the arrays of a march, also of massless particles."""
+        return self.inner_of(state["memory"]).copy()
+
+    def set_inner(self, state: Mapping[str, Array], values: Array) -> None:
+        """Write what `inner_values` returns."""
+        self.inner_of(state["memory"])[:] = values
 
 
 def coefficients_of(form: Form, h: float) -> Any:

@@ -16,10 +16,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from orbits.discrete.base import DiscreteLagrangian
+from orbits.discrete.rotors import kick_rotate_kick
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.forms import Array
+from orbits.integrators.rotating import Rotating
 from orbits.integrators.splitting import Splitting
-from orbits.lagrangians.base import SEPARABLE
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib
 
 
@@ -58,3 +61,11 @@ class StormerVerlet(Integrator):
     def second_order(self) -> Splitting:
         """Half a kick, a drift, half a kick."""
         return Splitting(kick_drift_kick, drifts=1)
+
+    def form_of_rotors(self, lagrangian: Lagrangian) -> Rotating:
+        """Half a kick, the free motion, half a kick."""
+        return Rotating.between(lagrangian, kick_drift_kick)
+
+    def discrete_lagrangian(self, lagrangian: Lagrangian) -> DiscreteLagrangian | None:
+        """For rigid bodies, that of kicks and exact rotations; else that of the tableau."""
+        return kick_rotate_kick(lagrangian) if lagrangian.rotors else None

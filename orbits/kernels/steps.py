@@ -66,6 +66,9 @@ which nothing attracts: finite, and never read. Observers see NaN for a retired 
 it is false.
 """
 
+NO_MULTIPLIERS = 20
+"""The status of a step with constraints from whose end nothing leads back to them, or at which they are dependent."""
+
 BEYOND, TOO_SHORT = 4, 5
 """Why a clock took no step: it would pass the goal, or it is too short to change the time."""
 

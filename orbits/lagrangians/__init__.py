@@ -14,6 +14,7 @@ import pkgutil
 
 from orbits.lagrangians import pickling
 from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.constraints import onto_constraints
 from orbits.lagrangians.handwritten import from_kernels
 from orbits.lagrangians.registered import FOUND, registry
 from orbits.lagrangians.rigid_bodies import full_two_body, rigid_body
@@ -26,6 +27,7 @@ __all__ = [
     "from_kernels",
     "from_sympy",
     "full_two_body",
+    "onto_constraints",
     "registry",
     "rigid_body",
     "rotation",

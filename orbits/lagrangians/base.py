@@ -37,8 +37,15 @@ ABOUT_ONE_BODY = "Newtonian but for terms of one body"
 """It is Newtonian, or adds terms of one body to that: sums over all others of functions of their positions and
 velocities relative to it. Terms have its row as their first parameter, and a kernel `about`."""
 
+CONSTRAINED = "constrained"
+"""It has holonomic constraints, g(q) = 0: motions stay on them, and only methods that keep them can march it."""
+
 TIME_DEPENDENT = "time-dependent"
 """L depends on t: energy is not conserved."""
+
+RIGID_BODIES = "one of rigid bodies"
+"""Attitudes are homogeneous quaternions, `Lagrangian.rotors`; all other coordinates are places, with constant masses,
+and L is the kinetic energy less a potential U(places, attitudes)."""
 
 GIVEN = "given bodies"
 """The first massive bodies are given functions of time, as in an ephemeris, whatever acts on them."""
@@ -66,6 +73,18 @@ class Motion:
     t: float = 0.0
 
 
+@dataclass(frozen=True)
+class Rotor:
+    """A rigid body among the coordinates of a Lagrangian.
+
+    at : the first of the four coordinates that are its quaternion; those before all quaternions are places
+    moments : the names of the parameters that are its principal moments of inertia
+    """
+
+    at: int
+    moments: tuple[str, str, str]
+
+
 @dataclass(frozen=True, eq=False)
 class Lagrangian:
     """L(q, v, t) of a mechanical system on R^d, with the values of its parameters.
@@ -81,6 +100,8 @@ class Lagrangian:
     source : its source in the literature
     order : (d,) the coordinate at each place of the kernels' vectors; None for the same order
     symbolic : returns the formula in SymPy; None for handwritten kernels
+    rotors : the rigid bodies among the coordinates, in their order; see `orbits.lagrangians.rigid_bodies`
+    constraints : the functions g(q) that are 0 along motions, for users; empty for most Lagrangians
 
     Vectors of coordinates have shape (d,). For bodies in space, (n, 3) is accepted for (3n,). Numbers are in
     units of your choice. Raises InputError for invalid names, parameters, examples or symmetries.
@@ -96,6 +117,8 @@ class Lagrangian:
     source: str = ""
     order: tuple[int, ...] | None = field(default=None, repr=False)
     symbolic: Callable[[], Any] | None = field(default=None, repr=False)
+    rotors: tuple[Rotor, ...] = field(default=(), repr=False)
+    constraints: tuple[str, ...] = ()
 
     if TYPE_CHECKING:  # set by the package `orbits.lagrangians`
         from_sympy: ClassVar[Callable[..., Lagrangian]]
@@ -146,7 +169,8 @@ class Lagrangian:
     @property
     def traits(self) -> frozenset[str]:
         """Properties that methods may require."""
-        return self.compiled.traits
+        made = self.compiled.traits
+        return made | {RIGID_BODIES} if self.rotors else made
 
     @property
     def autonomous(self) -> bool:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from orbits.lagrangians.base import Motion
+from orbits.lagrangians.base import Motion, Rotor
 from orbits.lagrangians.rigid_bodies import in_space, spinning, stretching
 from orbits.lagrangians.symbolic import shipped
 
@@ -29,5 +29,6 @@ euler_top = shipped(
     expression=_expression,
     example=Motion(q=(1.0, 0.2, -0.1, 0.3), v=(0.0, 0.2, 0.1, 0.4), dt=0.1),
     symmetries=(*(in_space(k) for k in range(3)), stretching()),
+    rotors=(Rotor(0, ("I1", "I2", "I3")),),
     source_="Hairer, Lubich & Wanner (2006), sec. VII.5",
 )

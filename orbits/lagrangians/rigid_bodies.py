@@ -16,7 +16,9 @@ quaternions.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,14 +26,15 @@ from numpy.typing import NDArray
 
 from orbits.checks import finite_number
 from orbits.errors import InputError, shown
-from orbits.lagrangians.base import Lagrangian, Motion
+from orbits.lagrangians.base import Lagrangian, Motion, Rotor
 from orbits.lagrangians.symbolic import from_sympy
 from orbits.lagrangians.symmetry import Symmetry
+from orbits.rotations import checked_moments
 
 Array = NDArray[np.float64]
 
-SLACK = 1e-12
-"""The triangle inequality of moments of inertia may be violated by this fraction: rounding of flat bodies."""
+PLACES = 60
+"""Tried to find three attitudes at which a potential is defined."""
 
 INVARIANT = 1e-12
 """A group leaves a potential as it is if that changes by no more than this fraction of its size."""
@@ -135,20 +138,6 @@ def _exponential(block: Array, s: float) -> Array:
     return np.exp(s * np.diag(block)) * one
 
 
-def checked_moments(inertia: Any) -> tuple[float, float, float]:
-    """Return principal moments of inertia. Raises InputError for those that no body has."""
-    found = np.asarray(inertia, dtype=np.float64)
-    if found.shape != (3,) or not np.all(np.isfinite(found)) or not np.all(found > 0.0):
-        raise InputError(f"inertia is {shown(inertia)}; expected three principal moments of inertia > 0.")
-    least = found.sum() - 2.0 * found.max()
-    if least < -SLACK * found.max():
-        raise InputError(
-            f"inertia is {shown(found.tolist())}: the largest moment exceeds the sum of the others by {-least:.3g}, "
-            "which no body has."
-        )
-    return float(found[0]), float(found[1]), float(found[2])
-
-
 def rigid_body(
     inertia: Sequence[float],
     potential: Callable[[Any], Any] | None = None,
@@ -190,7 +179,7 @@ def rigid_body(
         found = [group for group, keeps, fits in zip(groups, kept, [True] * 3 + alike, strict=True) if keeps and fits]
         return [*found, stretching()]
 
-    return from_sympy(
+    made = from_sympy(
         spinning(q, v, symbols, spare) - U,
         q=q,
         v=v,
@@ -200,6 +189,7 @@ def rigid_body(
         example=Motion(q=(1.0, 0.2, -0.1, 0.3), v=(0.0, 0.2, 0.1, 0.4), dt=0.1),
         source="Hairer, Lubich & Wanner (2006), sec. VII.5",
     )
+    return replace(made, rotors=(Rotor(0, ("I1", "I2", "I3")),))
 
 
 def _leaves(U: Any, q: Sequence[Any], group: Symmetry, numbers: dict[Any, float]) -> bool:
@@ -209,9 +199,14 @@ def _leaves(U: Any, q: Sequence[Any], group: Symmetry, numbers: dict[Any, float]
     if U == 0:
         return True
     value = sympy.lambdify(q, U.subs(numbers), "math")
-    places = np.random.default_rng(3).normal(size=(3, 4))
-    pairs = [(value(*x), value(*group.moved(0.7, x))) for x in places]
-    return all(abs(one - other) <= INVARIANT * max(abs(one), abs(other), 1e-300) for one, other in pairs)
+    pairs: list[tuple[float, float]] = []
+    for x in np.random.default_rng(3).normal(size=(PLACES, 4)):
+        with contextlib.suppress(ValueError, ZeroDivisionError, OverflowError):  # U is not defined there
+            pairs.append((value(*x), value(*group.moved(0.7, x))))
+        if len(pairs) == 3:
+            break
+    same = all(abs(one - other) <= INVARIANT * max(abs(one), abs(other), 1e-300) for one, other in pairs)
+    return same and len(pairs) == 3
 
 
 def full_two_body(
@@ -263,7 +258,7 @@ def full_two_body(
     count = len(bodies)
     start_q, start_v = [2.0, 0.3, -0.2], [0.0, float(np.sqrt(G * sum(m) / 2.0)), 0.1]
     groups = [in_space(k, 1, count) for k in range(3)] + [stretching(k, 1, count) for k in range(count)]
-    return from_sympy(
+    made = from_sympy(
         L,
         q=coordinates,
         v=velocities,
@@ -275,3 +270,5 @@ def full_two_body(
         ),
         source="Maciejewski (1995), to the second degree",
     )
+    names = [(f"A{k + 1}", f"B{k + 1}", f"C{k + 1}") for k, _ in bodies]
+    return replace(made, rotors=tuple(Rotor(3 + 4 * i, moments) for i, moments in enumerate(names)))

@@ -72,6 +72,11 @@ def time_transformed(
             f"'{name}' has no formula in SymPy, so the derivatives of its transformed Lagrangian are unknown. Write it "
             "with orbits.Lagrangian.from_sympy; for bodies, use orbits.propagate(..., dt=orbits.TimeTransformed())."
         )
+    if lagrangian.constraints:
+        raise InputError(
+            f"'{name}' has constraints, which are not kept in transformed time. Expected a Lagrangian without any, "
+            "such as one in angles."
+        )
     if not lagrangian.autonomous:
         raise InputError(
             f"'{name}' depends on time: in transformed time its energy would be a momentum p_t that enters linearly, "

@@ -76,6 +76,7 @@ class Blocks:
         _forces: tuple[BoundForce, ...]
         _form: Form
         _gm: Array
+        _judges_encounters: bool
         _keep: Callable[[Array, Array, Array], None] | None
         _lengths: Array
         _listed: tuple[Array, int]
@@ -132,7 +133,7 @@ class Blocks:
         departs = len(self._particles) > 0 and self.integrator.departures != (None, None)
         every = (self._keep is not None and self._apart > 1) or departs
         most = APART - self.step % APART if every else self.block
-        if not (len(self._particles) and self._retire and self.integrator.retires_in_encounters):
+        if not (len(self._particles) and self._judges_encounters):
             return most
         # A retirement costs a block, and a block about SPAN^2 steps: their sum is least for blocks of this length.
         between = self.step / (1 + int(self._retired.gone().sum()))
@@ -450,7 +451,7 @@ class Blocks:
                 listed, gm = self._watcher.lists[0], self._gm[: self._bodies]
                 self._meeting_of_planets = kepler_passages.first_meeting(listed, gm, self._watcher.dominant, self.step)
             # Not from a list that is not complete: shorter blocks follow.
-            if self._retire and self.integrator.retires_in_encounters and (count == 1 or not self._overflowed):
+            if self._judges_encounters and (count == 1 or not self._overflowed):
                 where = (self._bodies, self._watcher.dominant, h, self.step, self.integrator.least_steps)
                 self._encountered = kepler_passages.lost_in(self._watcher.lists, self._gm, *where)
             if self._retire and len(self._particles):

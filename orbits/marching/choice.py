@@ -13,9 +13,12 @@ from orbits.integrators.canonical_bodies import CanonicalBodies
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Form
 from orbits.integrators.given_bodies import GivenBodies
+from orbits.integrators.rigid_splitting import RigidSplitting
+from orbits.integrators.splitting import Splitting
 from orbits.integrators.transformed_bodies import TransformedBodies
 from orbits.integrators.variational import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.rigid_bodies import TAG as RIGID
 from orbits.lagrangians.base import GIVEN, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
 from orbits.marching.clocks import Clock
 from orbits.marching.transformed import TimeTransformed
@@ -48,6 +51,9 @@ def form_of_bodies(
     Raises InputError as `form_for` does; if the method supports neither the Lagrangian nor the forces in this form,
     naming those that do; and for massless particles if the form does not support them.
     """
+    rigid = next((force for force in forces if force.tag is RIGID), None)
+    if rigid is not None:
+        return _rigid(integrator, lagrangian, clock, rigid, forces, with_particles=with_particles)
     if isinstance(clock, TimeTransformed):
         return _transformed(integrator, lagrangian, with_particles=with_particles, forces=forces)
     if clock.changes:
@@ -78,6 +84,40 @@ def form_of_bodies(
             "time"
         )
     return form
+
+
+def _rigid(
+    integrator: Integrator,
+    lagrangian: Lagrangian,
+    clock: Clock,
+    rigid: BoundForce,
+    forces: Sequence[BoundForce],
+    *,
+    with_particles: bool,
+) -> Form:
+    """Return the form for bodies of which some are rigid: kicks and drifts that turn them too."""
+    form = integrator.second_order
+    able = "StormerVerlet(), SymplecticEuler() or, to order 4, 6, 8 or 10, Composition(order=8)"
+    if clock.changes or not isinstance(form, Splitting):
+        what = "steps that are chosen" if clock.changes else integrator.label
+        raise InputError(
+            f"rigid bodies are turned by kicks and drifts of one length, which {what} does not consist of: give "
+            f"dt=... and {able}."
+        )
+    others = [force.name for force in forces if force is not rigid]
+    if others:
+        raise InputError(
+            f"rigid bodies march by kicks and drifts, in which the force of {others[0]} has no place; leave one of the "
+            "two out."
+        )
+    if GIVEN in lagrangian.traits or SEPARABLE not in lagrangian.traits:
+        what = "bodies of an ephemeris" if GIVEN in lagrangian.traits else f"the terms of '{lagrangian.name}'"
+        raise InputError(
+            f"rigid bodies march by kicks and drifts, which {what} do not allow; they go with terms of positions "
+            "alone, such as orbits.ZonalHarmonics(...)."
+        )
+    tops = getattr(rigid, "tops", ()) if with_particles else ()
+    return RigidSplitting(form.lengths, form.drifts, getattr(rigid, "rigid", 0), tops)
 
 
 def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[BoundForce]) -> Form:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
-from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_REGULAR
+from orbits.kernels.steps import INNER_NOT_CONVERGED, NO_MULTIPLIERS, NOT_CONVERGED, NOT_REGULAR
 from orbits.marching.clocks import Clock
 from orbits.marching.kepler_passages import HILL_RADII
 from orbits.marching.transformed import TimeTransformed
@@ -127,14 +127,25 @@ def failure_of_bodies(
 
 
 def failure_of_coordinates(
-    status: int, step: int, time: float, where: str, integrator: Integrator, *, newton: bool, transformed: bool
+    status: int,
+    step: int,
+    time: float,
+    where: str,
+    integrator: Integrator,
+    *,
+    newton: bool,
+    transformed: bool,
+    reason: str | None = None,
 ) -> IntegrationError:
     """Return the error for the coordinates of a Lagrangian.
 
     where : step, time and state, for the message
     newton : whether Newton's method was tried
     transformed : whether the Lagrangian is one of transformed time
+    reason : why equations that did not converge have no solution, if the method knows
     """
+    if reason is not None:
+        return ConvergenceError(f"{where}: {reason}", step=step, time=time)
     monitor = " Or the monitor vanishes there, where time stands still: choose one that is positive all the way."
     if status == NOT_CONVERGED:
         tried = "neither by fixed point nor by Newton's method" if newton else "by fixed point"
@@ -148,6 +159,14 @@ def failure_of_coordinates(
         return SingularityError(
             f"{where}: the matrix d2L/dv dv has no inverse, so momenta do not determine velocities. Use "
             "coordinates that are regular there, or start elsewhere.",
+            step=step,
+            time=time,
+        )
+    if status == NO_MULTIPLIERS:
+        return ConvergenceError(
+            f"{where}: the step leads so far from the constraints that no multipliers bring it back to them, or to "
+            "where they are dependent: G M^-1 G^T, G being their gradients, has no inverse. Use a smaller dt; if that "
+            "does not help, avoid this configuration.",
             step=step,
             time=time,
         )

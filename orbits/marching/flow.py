@@ -20,8 +20,9 @@ from orbits.integrators import named
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import padded
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import NOT_CONVERGED, NOT_REGULAR, OK
-from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian, show
+from orbits.kernels.steps import NO_MULTIPLIERS, NOT_CONVERGED, NOT_REGULAR, OK
+from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, SEPARABLE, Lagrangian, show
+from orbits.lagrangians.constraints import constraint_values, require_on_constraints
 from orbits.lagrangians.symmetry import Symmetry
 from orbits.lagrangians.transforming import is_transformed
 from orbits.marching import driver
@@ -74,6 +75,12 @@ class DiscretePath:
         """Return p . v - L at each sample, (n,): the energy, or Jacobi's integral in a rotating frame."""
         states = zip(self.q, self.v, self.t, strict=True)
         return np.array([self.lagrangian.energy(q, v, float(t)) for q, v, t in states])
+
+    def constraint_values(self) -> Array:
+        """Return g(q) at each sample, (n, m): 0 but for round-off; m = 0 for a Lagrangian without constraints."""
+        if CONSTRAINED not in self.lagrangian.traits:
+            return np.zeros((len(self), 0))
+        return np.array([constraint_values(self.lagrangian, q)[0] for q in self.q])
 
     def momentum_map(self, symmetry: Symmetry) -> Array:
         """Return Noether's charge J = p . xi(q, t) - K(q, t) of a symmetry at each sample, (n,)."""
@@ -134,6 +141,8 @@ class Flow:
         """
         x, y = self.lagrangian.vector(q, "q"), self.lagrangian.vector(p, "p")
         steps, every = whole_number(steps, "steps"), whole_number(every, "every")
+        if CONSTRAINED in self.lagrangian.traits:
+            require_on_constraints(self.lagrangian, x, y, self.dt)
         if steps % every:
             raise InputError(f"steps must be a multiple of every, got {steps} and {every}")
         samples = steps // every
@@ -170,7 +179,7 @@ class Flow:
         state = [_padded(order(q)), _padded(np.zeros_like(q)), _padded(order(second)), _padded(np.zeros_like(p))]
         self._carry[:] = 0.0
         if self.canonical:
-            self._carry[: len(q)] = self._start[:, None]
+            self._form.guess(self._carry, self._start)
         bound = (self._form.tag, self._coefficients, self.lagrangian.tag, self.lagrangian.parameter_vector)
         clock = ConstantSteps(self.dt)
         samples, d, stride = len(out_q), len(q), padded(len(q))
@@ -212,7 +221,7 @@ class Flow:
         return DiscretePath(self.lagrangian, self.integrator, self.dt, t, q, p, evaluations)
 
     def _fail(self, status: int, done: int, q: Array, p: Array, path: DiscretePath, every: int) -> NoReturn:
-        if status not in (NOT_CONVERGED, NOT_REGULAR):
+        if status not in (NOT_CONVERGED, NOT_REGULAR, NO_MULTIPLIERS):
             # Explicit methods are checked only at the end of a march; implicit ones at each step, so `done` is right.
             rest_q, rest_p = np.empty((1, len(q))), np.empty((1, len(q)))
             done = last_good(lambda steps: self._record(q, p, steps, rest_q, rest_p)[0] == OK, done + 1)
@@ -229,8 +238,16 @@ class Flow:
             f"'{self.lagrangian.name}', step {done + 1} ({clock} = {time:.10g}, d{clock} = {self.dt:.6g}), "
             f"at q = {show(q)}, p = {show(p)}"
         )
+        reason = self.integrator.refusal(self.lagrangian, q, p, self.dt) if status == NOT_CONVERGED else None
         error = failure_of_coordinates(
-            status, done, time, where, self.integrator, newton=self._has_canonical, transformed=transformed
+            status,
+            done,
+            time,
+            where,
+            self.integrator,
+            newton=self._has_canonical,
+            transformed=transformed,
+            reason=reason,
         )
         error.trajectory = before
         raise error

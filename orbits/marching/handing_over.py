@@ -16,7 +16,7 @@ from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
 from orbits.marching.hand_over import GROUP, MORE_ROWS, march_handing_over
-from orbits.marching.kepler_passages import LEAST_STEPS, near_planets
+from orbits.marching.kepler_passages import near_planets
 from orbits.marching.own_clocks import COLUMNS
 from orbits.marching.own_memory import OwnClocks
 from orbits.marching.watcher import Watcher
@@ -38,8 +38,9 @@ class OwnSteps(NamedTuple):
     radii: Array | None
 
     @classmethod
-    def of(cls, lagrangian: Lagrangian, gm: Array, dominant: int, radii: Array | None) -> OwnSteps:
-        """Return those among massive bodies, one of which dominates the others; gm, radii : (n,)
+    def of(cls, lagrangian: Lagrangian, gm: Array, dominant: int, radii: Array | None, least_steps: int) -> OwnSteps:
+        """Return those among massive bodies, one of which dominates the others; gm, radii : (n,); least_steps : a
+        pericentre is resolved by the map if a revolution of its circle takes so many.
 
         Raises InputError if particles cannot take steps of their own in this problem.
         """
@@ -50,7 +51,7 @@ class OwnSteps(NamedTuple):
             )
         form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
         assert isinstance(form, Collocation)
-        limits = np.array([dominant, gm[dominant], 2.0 * np.pi / LEAST_STEPS])
+        limits = np.array([dominant, gm[dominant], 2.0 * np.pi / least_steps])
         return cls(near_planets(gm, dominant), limits, form, radii)
 
 

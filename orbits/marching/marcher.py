@@ -70,6 +70,8 @@ class Marcher(Blocks):
     dense : whether each step is recorded for `motion`
     surfaces : (n,), radii of the bodies: massless particles that are followed in encounters, or by chosen steps, are
         retired if they hit one
+    underway : whether it begins in a state of a run that is over, which decided which particles are retired before
+        encounters: here they are not, and may be in one
 
     After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
     `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
@@ -95,6 +97,7 @@ class Marcher(Blocks):
         dense: bool = False,
         radii: Array | None = None,
         surfaces: Array | None = None,
+        underway: bool = False,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -125,7 +128,7 @@ class Marcher(Blocks):
         if m and integrator.follows_encounters:
             gm = self.parameters[1 : 1 + n]
             own = None if surfaces is None else np.asarray(surfaces, dtype=np.float64)[self._massive]
-            followed = OwnSteps.of(lagrangian, gm, int(gm.argmax()), own)
+            followed = OwnSteps.of(lagrangian, gm, int(gm.argmax()), own, integrator.least_steps)
         self._surfaces = None if followed is None else followed.radii
         if surfaces is not None and self.clock.changes and retire:
             self._surfaces = np.asarray(surfaces, dtype=np.float64)[self._massive]
@@ -133,7 +136,7 @@ class Marcher(Blocks):
         self._loops = BoundLoops(self._form, self._tag, self._vectors, self.clock, n, m, threads, dense, followed)
         self._loops.begin(q, v, self._massive, self._particles)
         begun = [force.inner for force in forces]
-        self._form.inner_of(self._loops.state["memory"])[:] = np.concatenate([np.zeros(0), *begun])
+        self._form.set_inner(self._loops.state, np.concatenate([np.zeros(0), *begun]))
         if self._form.transforms:
             self._form.check_start(self.model, q[self._massive], v[self._massive])
             self._loops.enter(self._loops.state, self.clock)
@@ -154,7 +157,7 @@ class Marcher(Blocks):
         self._keep: Callable[[Array, Array, Array], None] | None = None
         self._backup: dict[str, Array] = {}
         self._nothing = np.zeros(0)
-        self._seen = self._state["memory"]
+        self._seen = self._state
         self._retire, self._retired = retire, Retired(m)
         if energy_bound is not None and self._form.transforms:
             raise InputError(
@@ -188,7 +191,8 @@ class Marcher(Blocks):
         self._watcher.given = isinstance(self._form, GivenBodies) and self._form.held(self.model) == n
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._starts_close = np.zeros(0, dtype=np.intp)
-        if integrator.retires_in_encounters and m:
+        self._judges_encounters = retire and integrator.retires_in_encounters and not underway
+        if self._judges_encounters and m:
             sun, x = self._watcher.dominant, q[self._massive]
             planets = np.arange(n) != sun
             close = kepler_passages.near_a_planet(
@@ -257,7 +261,7 @@ class Marcher(Blocks):
         if place.rest == self.time:
             return self.state()
         copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
-        self._seen = copy["memory"]
+        self._seen = copy
         copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
         self._retired.begin()
         try:
@@ -337,13 +341,13 @@ class Marcher(Blocks):
     def _forces_now(self) -> tuple[BoundForce, ...]:
         """Return the forces with their internal variables as they are now."""
         ends = np.cumsum([len(force.inner) for force in self._forces], dtype=int)
-        parts = np.split(self._form.inner_of(self._state["memory"]), ends[:-1])
-        return tuple(replace(force, inner=y.copy()) for force, y in zip(self._forces, parts, strict=False))
+        parts = np.split(self._form.inner_values(self._state), ends[:-1])
+        return tuple(replace(force, inner=y) for force, y in zip(self._forces, parts, strict=False))
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self._retired.begin()
-        self._seen = self._state["memory"]
+        self._seen = self._state
         return self._gather(self._as_seen())
 
     def _as_seen(self, particles: NDArray[np.intp] | None = None) -> dict[str, Array]:
@@ -369,9 +373,9 @@ class Marcher(Blocks):
         self._form.forget(copy["memory"])
         if self._form.transforms:
             self._loops.enter(copy, part, self._retired.block)
-        else:
+        elif not self._form.keeps_particles:
             copy["particle_memory"][:] = 0.0
-        self._seen = copy["memory"]
+        self._seen = copy
         before = self.evaluations, self.particle_evaluations
         try:
             self._march_block(copy, part, 1)
@@ -523,8 +527,8 @@ class Marcher(Blocks):
         """
         most = max((len(force.inner) for force in self._forces), default=0)
         out = np.zeros((len(self._forces), FIGURES + most))
-        out[:, :FIGURES] = self._form.accounts(self._seen)
-        inner, at = self._form.inner_of(self._seen), 0
+        out[:, :FIGURES] = self._form.accounts(self._seen["memory"])
+        inner, at = self._form.inner_values(self._seen), 0
         for row, force in zip(out, self._forces, strict=True):
             row[FIGURES : FIGURES + len(force.inner)] = inner[at : at + len(force.inner)]
             at += len(force.inner)

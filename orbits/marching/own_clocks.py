@@ -86,7 +86,8 @@ MOST_PARTS = 100_000_000
 """The most steps that a particle takes within one of the bodies: a minute."""
 
 SHORTEST = 2.0**-52
-"""A step shorter than this fraction of the time since the start, or of the step of the bodies, is none."""
+"""A step shorter than this fraction of the time since the start, or of the step of the bodies, is none; unless it is
+one of the bodies as a whole: up to a sample that is the next number after the end of a step."""
 
 RATES = 9
 """The row of the scratch of a particle's step that has S at its stages; see `orbits.integrators.collocation.pull`."""
@@ -215,10 +216,11 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
         for _ in range(ATTEMPTS):
             parts = max(math.ceil(abs(left) / (STRETCH * proposal)), 1.0)
             h = left if parts == 1.0 else (done + left / parts) - done  # the lengths add up to H
-            if not abs(h) > SHORTEST * max(abs(origin + done), abs(H)):
+            whole = done == 0.0 and parts == 1.0
+            if not whole and not abs(h) > SHORTEST * max(abs(origin + done), abs(H)):
                 break
             before = own[BEFORE] if own[BEFORE] != 0.0 else h
-            if done == 0.0 and parts == 1.0:
+            if whole:
                 sources, coefficients, ends = field.stages[k], shared.coefficients[k : k + 1], shared.ends[k]
                 if shared.before[k] == 0.0:
                     copy_ends(n, sources, ends)
@@ -228,7 +230,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
                 ends = shared.ends[shared.before.shape[0]]
                 copy_ends(n, sources, ends)
             mine, now = Method(method.tag, coefficients), Storage(carry, scratch, sources, share)
-            if done != 0.0 or parts != 1.0:
+            if not whole:
                 prepare(mine, h, before, now)
             elif shared.before[k] != before:
                 prepare(mine, h, before, now)

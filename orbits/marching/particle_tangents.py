@@ -22,7 +22,7 @@ from orbits.lagrangians.base import Lagrangian
 from orbits.marching.bound_loops import BoundLoops, numbers_of
 from orbits.marching.choice import form_for, form_of_bodies
 from orbits.marching.clocks import ConstantSteps, Place
-from orbits.marching.kepler_passages import HILL_RADII, LEAST_STEPS
+from orbits.marching.kepler_passages import HILL_RADII
 from orbits.marching.map_tangents import marched_in_blocks, require_map_tangents
 
 
@@ -73,6 +73,7 @@ class ParticleTangents(BoundLoops):
         form = form_of_bodies(integrator, lagrangian, self._steps, with_particles=True)
         assert isinstance(form, KeplerSplitting)
         form.check_start(parameters, q, v)
+        self._turn = 2.0 * math.pi / integrator.least_steps
         super().__init__(form, lagrangian.tag, parameters, self._steps, n, m, threads)
         self.begin(np.concatenate([q, x]), np.concatenate([v, w]), np.arange(n), np.arange(n, n + m))
         self.enter(self.state, self._steps)
@@ -115,8 +116,7 @@ class ParticleTangents(BoundLoops):
 
     def _follow(self, count: int) -> None:
         """March the particles through the `count` steps that the bodies have just taken, with their vectors."""
-        turn = 2.0 * math.pi / LEAST_STEPS
-        judged = Judged(self._path, self._order, self._reach, turn, self._found)
+        judged = Judged(self._path, self._order, self._reach, self._turn, self._found)
 
         def share(task: int) -> int:
             start, stop = self.tasks[task]

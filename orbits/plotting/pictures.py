@@ -46,7 +46,7 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
         default the ecliptic if units are physical, assuming that the system's axes are those of the ICRF
     Raises UnknownNameError for another frame.
     """
-    looks, cloud = _looks(system, list(range(len(system))))
+    looks, cloud = looks_of(system, list(range(len(system))))
     points = in_plane(system, system.values.q, frame)
     inner = _inner(system, points, looks, cloud)
     made = style.figure(16, 9.5) if inner else style.figure(11, 11)
@@ -56,7 +56,7 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
         for axes, chosen in zip(maps, (set(range(len(system))), inner), strict=False)
     ]
     maps[0].set_title(words.moment(system) if title is None else title)
-    style.below(made, *_named(maps[0]), ELLIPSES if any(ellipses) else "")
+    style.below(made, *named_in(maps[0]), ELLIPSES if any(ellipses) else "")
     return made
 
 
@@ -89,8 +89,8 @@ def plot_trajectory(
     and for bodies that are in none of them; UnknownNameError for a frame or body that does not exist.
     """
     system = run.system
-    chosen = _there(run, bodies)
-    looks, cloud = _looks(system, chosen)
+    chosen = there(run, bodies)
+    looks, cloud = looks_of(system, chosen)
     inner = _inner(system, in_plane(system, arcs.last_state(run).values.q, frame), looks, cloud)
     maps = ["map", "inner"] if inner else ["map"]
     made = style.figure(17, 8.4) if inner else style.figure(16, 10)
@@ -106,7 +106,7 @@ def plot_trajectory(
     axes["map"].set_title(made_by if title is None else title)
     conserved(axes["energy"], axes["momentum"], {method: run})
     massive = [] if system.massive.all() else ["energy and angular momentum: of the massive bodies"]
-    style.below(made, *_named(axes["map"]), "; ".join([*told, *massive, ROUNDING]))
+    style.below(made, *named_in(axes["map"]), "; ".join([*told, *massive, ROUNDING]))
     return made
 
 
@@ -118,8 +118,8 @@ def paths(
     Samples that are far apart are joined by arcs of two-body motion, or drawn as dots if the motion is not Keplerian.
     Many massless particles are drawn as points at the last sample. Raises as `plot_trajectory` does.
     """
-    chosen = _there(run, bodies)
-    looks, cloud = _looks(run.system, chosen)
+    chosen = there(run, bodies)
+    looks, cloud = looks_of(run.system, chosen)
     return _draw_paths(axes, run, looks, cloud, set(chosen), frame)
 
 
@@ -259,7 +259,7 @@ def _chosen(system: System, bodies: Sequence[str] | None) -> list[int]:
     return chosen
 
 
-def _there(run: Trajectory, bodies: Sequence[str] | None) -> list[int]:
+def there(run: Trajectory, bodies: Sequence[str] | None) -> list[int]:
     """Return the chosen bodies that are in any sample. Raises InputError if none is, or one that was named."""
     chosen = _chosen(run.system, bodies)
     if not len(run):
@@ -281,7 +281,7 @@ def _merged(run: Trajectory) -> NDArray[np.bool_]:
     return np.asarray(run.system.massive & ~run.changes.bodies_at(run.last_time).present)
 
 
-def _looks(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
+def looks_of(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
     """Return the looks of the bodies that are drawn individually, and the bodies that are drawn as a cloud."""
     cloud = [i for i in chosen if not system.massive[i]] if len(chosen) > MOST_PATHS else []
     single = [i for i in chosen if i not in set(cloud)]
@@ -309,6 +309,6 @@ def _draw_cloud(axes: Axes, points: Array) -> None:
         axes.plot([], [], ".", ms=8, label=label, **look)
 
 
-def _named(axes: Axes) -> tuple[list[Any], list[str]]:
+def named_in(axes: Axes) -> tuple[list[Any], list[str]]:
     handles, labels = axes.get_legend_handles_labels()
     return (handles, labels) if len(labels) <= MOST_NAMES else ([], [])

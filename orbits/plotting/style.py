@@ -14,6 +14,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
 # Okabe & Ito (2008).
@@ -87,6 +88,13 @@ def halo(text: Text) -> None:
     from matplotlib.patheffects import withStroke
 
     text.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
+
+
+def outline(line: Line2D) -> None:
+    """Separate a line from many others behind it by a white outline."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    line.set_path_effects([Stroke(linewidth=line.get_linewidth() + 2.4, foreground="white"), Normal()])
 
 
 def below(made: Figure, handles: Sequence[Any], labels: Sequence[str], caption: str = "", size: float = 13) -> None:

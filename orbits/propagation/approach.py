@@ -37,6 +37,8 @@ class Approach:
         system's unit of length, if it has no physical units); None if it is unknown
     v_infinity : the relative speed without the attraction of the two, sqrt(speed^2 - 2 GM / distance); None if they are
         bound to each other
+    estimated : whether distance, time and speed are only those of the two-body orbit within the step, as recorded on
+        the way (to about 1e-3), as the motion there could not be computed again
     """
 
     body: str
@@ -47,9 +49,12 @@ class Approach:
     date: Time | None = None
     error: u.Quantity | None = None
     v_infinity: u.Quantity | None = None
+    estimated: bool = False
 
     @classmethod
-    def of(cls, system: System, clock: Clock, passage: Passage, error: float | None) -> Approach:
+    def of(
+        cls, system: System, clock: Clock, passage: Passage, error: float | None, estimated: bool = False
+    ) -> Approach:
         """Return a passage of a run with this clock, with names and units."""
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
@@ -64,6 +69,7 @@ class Approach:
             None if system.epoch is None else written((system.epoch + time).copy(format="iso")),
             None if error is None else as_error(system, error),
             u.Quantity(math.sqrt(free), units.speed) if free >= 0.0 else None,
+            estimated,
         )
 
     def __str__(self) -> str:
@@ -74,6 +80,7 @@ class Approach:
         speed = self.speed.to(u.km / u.s) if self.speed.unit.is_equivalent(u.km / u.s) else self.speed
         named = "" if str(speed.unit) else "speed "  # a number alone would say nothing
         text = f"{self.body} to {self.other}: {distance} at {when}, {named}{speed:.3g}"
+        text += ", estimated from the two-body orbit within the step" * self.estimated
         return text if self.error is None else f"{text}; puts it {said(self.error)} off by the end of the run"
 
 

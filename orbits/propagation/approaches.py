@@ -44,7 +44,8 @@ class Approaches:
     The list has every flyby within `reach` of a body, every passage that is fast for the step (except pericentres of
     mildly eccentric orbits), and the closest approach of each body. For a satellite it has only the closest pericentre
     and those that are fast for the step. Distances and times are as accurate as the orbit: they come from partial steps
-    of the method, taken when they are first needed.
+    of the method, taken when they are first needed. Where the motion cannot be computed again, they are as recorded on
+    the way, from the two-body orbit within the step (to about 1e-3): `estimated` says so.
 
     approaches["Ceres"] returns the passages of one body, the one by the dominant body first. Iteration, `len`,
     `to_table`, print and notebooks cover all passages, closest first, except those by the dominant body on orbits about
@@ -70,6 +71,13 @@ class Approaches:
     def speed(self) -> u.Quantity:
         """Relative speeds, (bodies, 2); 0 where there was no approach."""
         return u.Quantity(self._of_closest("speed", 0.0), self._run.system.units.speed)
+
+    @property
+    def estimated(self) -> NDArray[np.bool_]:
+        """Which of these are estimates, (bodies, 2), as the motion there could not be computed again."""
+        closest = self._seen.closest
+        refine(self._run, self._seen, sorted(set(closest[closest >= 0].tolist())))
+        return np.isin(closest, sorted(self._seen.estimated))
 
     @property
     def partner(self) -> NDArray[np.intp]:
@@ -125,7 +133,7 @@ class Approaches:
         The columns are body (the lighter one), other, date (TDB, if there is an epoch), time (since the epoch),
         distance, lunar_distances (the same in units of 384,400 km, if there are units), speed, v_infinity (without the
         attraction of the two; NaN if they are bound to each other), and error (the position error at the end of the run
-        that the passage causes). The meta has the epoch (TDB) and further information.
+        that the passage causes); then estimated, if some are. The meta has the epoch (TDB) and further information.
 
         bodies : names; only passages of these, all by default. Unknown names raise UnknownNameError.
         within : only passages at most at this distance; order : "distance" or "time"
@@ -161,7 +169,10 @@ class Approaches:
         if units.is_physical:
             columns |= {"distance": figures.pop("distance")}
             columns["lunar_distances"] = (columns["distance"] / LUNAR_DISTANCE).to(u.one)
-        return QTable(columns | figures, meta=attributes(self._run.system))
+        columns |= figures
+        if any(one.estimated for one in ones):
+            columns["estimated"] = np.array([one.estimated for one in ones])
+        return QTable(columns, meta=attributes(self._run.system))
 
     @cached_property
     def _flybys(self) -> list[int]:
@@ -184,7 +195,8 @@ class Approaches:
         """Return passage k as an `Approach`."""
         refine(self._run, self._seen, [k])
         run, seen = self._run, self._seen
-        return Approach.of(run.system, run.clock, seen.passages[k], error_at_end(run, seen, k))
+        error = error_at_end(run, seen, k)
+        return Approach.of(run.system, run.clock, seen.passages[k], error, k in seen.estimated)
 
     def __str__(self) -> str:
         return text_table(repr(self), *self._shown(), words=self._words)

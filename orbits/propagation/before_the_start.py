@@ -11,6 +11,7 @@ from orbits.errors import InputError, StepWarning
 from orbits.integrators.base import Integrator
 from orbits.propagation import kepler_splitting, step_check
 from orbits.propagation.precision import warn_if_far
+from orbits.propagation.rigid_runs import warn_if_turning_fast
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -50,6 +51,7 @@ def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, c
     if not grid.clock.changes:
         check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
         warn_or_refuse(lambda: check(system, integrator, grid.h, grid.end), check_step)
+        warn_or_refuse(lambda: warn_if_turning_fast(system, grid.h), check_step)
 
 
 def warn_or_refuse(check: Callable[[], None], check_step: Any) -> None:

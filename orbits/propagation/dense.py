@@ -179,7 +179,9 @@ def _marched(
             known, begin = int(before[k]), float(begun[k])
             given = None if accounts is None else accounts[k].copy()
             system = trajectory.system if given is None else continued(trajectory.system, given)
-            marcher = bound(system, trajectory.integrator, clock, threads=1, state=state(known), start=begin)
+            marcher = bound(
+                system, trajectory.integrator, clock, threads=1, state=state(known), start=begin, underway=True
+            )
         place = clock.place(float(times[k]) - begin)
         marcher.advance_to(place)
         q[k], v[k] = marcher.state_at(place)

@@ -16,7 +16,7 @@ from orbits.propagation.approach import Approach, as_error, said
 from orbits.propagation.kepler_splitting import encounters
 from orbits.propagation.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.refinement import refine
-from orbits.propagation.step_check import INSTEAD, UNRESOLVED, in_digits, passage_error, step_that_resolves
+from orbits.propagation.step_check import UNRESOLVED, in_digits, instead, passage_error, step_that_resolves
 
 if TYPE_CHECKING:
     from orbits.propagation.passages_seen import Passage, Seen
@@ -129,7 +129,8 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     remedy = f"With dt <= {in_digits(enough, unit, 2)} {these} would have been resolved"
     if not enough:
         remedy = "No practical step resolves them with this method: use one of higher order, or softening"
-    remedy += f". Or {INSTEAD}"
+    if advice := instead(run.system, run.integrator):
+        remedy += f". Or {advice}"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
     warnings.warn(

@@ -13,6 +13,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
+from orbits.archive.pace import PACE, Pace
 from orbits.errors import (
     EventError,
     EventWarning,
@@ -33,13 +34,16 @@ from orbits.propagation.events.base import Happening, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches, Sample
 from orbits.propagation.events.seeking import Found, Seeking
+from orbits.propagation.heartbeat import Beats, Heartbeat
 from orbits.propagation.passages_seen import Record
 from orbits.propagation.precision import warn_of_energy
 from orbits.propagation.progress import Progress
 from orbits.propagation.replay import REPLAY, lost_by_the_end, seen_by
+from orbits.propagation.rigid_runs import is_rigid, warn_of_overlaps
 from orbits.propagation.sample_store import SampleStore
 from orbits.propagation.signals import StopRequest
-from orbits.propagation.stop_conditions import Condition, Conditions, Stop, asks_to_stop
+from orbits.propagation.stop_conditions import Condition, Conditions, Stop, WallTimeOver, asks_to_stop
+from orbits.propagation.wall_clock import Deadline
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
@@ -64,13 +68,17 @@ AT_ONCE = 256
 
 @dataclass
 class RunEnds:
-    """The conditions that may end a run early, and the one that did; before : the sample from which the run goes on."""
+    """The conditions that may end a run early, and the one that did.
+
+    before : the sample from which the run goes on; deadline : the limit of its wall time, if there is one
+    """
 
     conditions: Conditions
     callback: Callback | None
     check_step: bool
     events: Seeking
     before: Sample | None = None
+    deadline: Deadline | None = None
     stopped: Stop | None = None
     begun: float = 0.0
 
@@ -84,6 +92,8 @@ class RunEnds:
             return True
         found = None if marcher.met is None else self.conditions.met(*marcher.met)
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
+        if found is None and self.deadline is not None and self.deadline.over:
+            found = self.deadline.words, WallTimeOver(self.deadline.seconds)
         if found is not None:
             self.note(system, marcher, marcher.time, marcher.state(), *found)
         return found is not None
@@ -149,8 +159,8 @@ class RunEnds:
 class Bar(Protocol):
     """What shows the progress of a run."""
 
-    def update(self, done: float) -> None:
-        """Take note of the time reached."""
+    def update(self, done: float, steps: int) -> None:
+        """Take note of the time reached, and of the number of steps."""
 
     def close(self) -> None:
         """End it."""
@@ -162,6 +172,7 @@ class Run(NamedTuple):
     begin : opens the archive to write to, if there is one
     accounts, steps : see `SampleStore`
     release : gives up an archive that was claimed to go on with it; for a run that is not marched
+    heartbeat : the lines that it gives on its way, or None
     """
 
     system: System
@@ -175,6 +186,7 @@ class Run(NamedTuple):
     accounts: Array
     steps: StepStore | None = None
     release: Callable[[], None] = lambda: None
+    heartbeat: Heartbeat | None = None
 
 
 def march(run: Run) -> Trajectory:
@@ -199,7 +211,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     stopped_by : a request for several runs at once; None for one of its own
     bar : what shows progress; None for a bar of its own
     """
-    system, integrator, marcher, grid, first, begin, progress, watch, accounts, steps, _ = run
+    system, integrator, marcher, grid, first, begin, progress, watch, accounts, steps, _, heartbeat = run
     begun, known = time.perf_counter(), len(marcher.retired())
     failure: Any = None  # an IntegrationError, a StorageError, or what a function of the user raised
     writer: ArchiveWriter | None = None
@@ -210,14 +222,21 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             writer = begin()
             marcher.compile()
             compiled = time.perf_counter()
-            store = SampleStore(len(system.names), len(grid) - first, writer, accounts, steps, watch.events)
+            room, begin_at = len(grid) - first, (marcher.time, marcher.step)
+            pace = Pace.from_now(marcher.time) if writer is not None and writer.has(PACE) else None
+            store = SampleStore(len(system.names), room, writer, accounts, steps, watch.events, pace)
             unit, count = system.units.time, grid.whole_steps
+            own_beats = None  # those of several runs are given together
             if bar is None:
-                bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count)
+                wanted = progress if heartbeat is None else False
+                bar = Progress(wanted, label=integrator.label, total=grid.end, unit=unit, steps=count, begun=begin_at)
+                own_beats = heartbeat
+            beats = Beats(own_beats, system, integrator, grid, marcher, writer)
             try:
                 try:
                     particles = _Particles(system, integrator, marcher, grid, watch)
-                    complete = yield from _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
+                    shown = bar, beats
+                    complete = yield from _sample(system, marcher, grid, first, store, shown, stop, watch, particles)
                     watch.events.flush()
                     particles.end()
                 except (IntegrationError, Raised) as error:
@@ -228,6 +247,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
                     bar.close()
                 store.ended = _how(marcher, grid, complete, watch, failure, stop)
                 store.commit(marcher)
+                beats.end(_reached(marcher, grid, complete, watch))
             except StorageError as error:
                 failure = error
         statistics = Statistics(
@@ -267,6 +287,8 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         judgement.warn_of_events(watch.events.remarks())
         if watch.check_step:
             warn_of_energy(trajectory)
+        if watch.check_step and trajectory.record is not None and is_rigid(trajectory.system):
+            warn_of_overlaps(trajectory, seen_by(trajectory))
         if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
             with StopRequest() as late:
                 warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of
@@ -293,6 +315,24 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             trajectory=trajectory,
         )
     return trajectory
+
+
+def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:
+    """March a run whose samples and checkpoints go to `writer`, which has the `commit` of an `ArchiveWriter`;
+    without a trajectory, and without warnings. Raises what a run that fails raises.
+    """
+    system, integrator, marcher, grid, first, *_ = run
+    beats = Beats(None, system, integrator, grid, marcher, None)
+    store = SampleStore(len(system.names), len(grid) - first, writer, run.accounts, events=run.watch.events)
+    try:
+        marcher.compile()
+        particles = _Particles(system, integrator, marcher, grid, run.watch)
+        for _ in _sample(system, marcher, grid, first, store, (bar, beats), stop, run.watch, particles):
+            pass
+        store.commit(marcher)
+    finally:
+        bar.close()
+        marcher.close()
 
 
 class _Particles:
@@ -416,7 +456,7 @@ def _sample(
     grid: TimeGrid,
     first: int,
     store: SampleStore,
-    bar: Bar,
+    shown: tuple[Bar, Beats],
     stop: StopRequest,
     watch: RunEnds,
     particles: _Particles,
@@ -425,6 +465,7 @@ def _sample(
     came to its end. The place to which the next block leads is yielded before it.
     """
     watch.begun = time.perf_counter()
+    bar, beats = shown
     known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
     for index, goal in enumerate(grid.goals[first:].tolist(), first):
         if stop.name:
@@ -438,7 +479,8 @@ def _sample(
                 watch.after(marcher)  # the steps before the one that failed
                 raise
             found = watch.after(marcher)
-            bar.update(marcher.time)
+            bar.update(marcher.time, marcher.step)
+            beats.beat_if_due()
             if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
                 return False
             if store.overdue:
@@ -465,7 +507,7 @@ def _sample(
             if asks_to_stop(watch.callback, u.Quantity(goal, system.units.time), moved_on):
                 watch.note(system, marcher, goal, state, "the callback ended the run", None)
                 return False
-        if store.full:
+        if store.full and index + 1 < len(grid.goals):  # the last one is committed with the end of the run
             store.commit(marcher)
     while (found := watch.events.before(of_this_leg(marcher), grid.end, record=True)) is not None:
         if watch.interrupted(system, marcher, found):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from orbits._version import __version__
 from orbits.archive.ended import ENDED
+from orbits.archive.pace import PACE
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError
 from orbits.integrators import named
@@ -57,6 +58,7 @@ def bound(
     start: float = 0.0,
     radii: NDArray[np.float64] | None = None,
     dense: bool = False,
+    underway: bool = False,
 ) -> Marcher:
     """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
@@ -64,6 +66,7 @@ def bound(
     start : the time since the epoch at which it begins
     radii : (n,), if it ends where two bodies may come closer than the sum of theirs
     dense : whether the motion within its steps is recorded, block by block
+    underway : whether the state is one of a run that is over, which decided which particles are retired in encounters
 
     Raises InputError if the integrator does not support the terms and forces of the system.
     """
@@ -79,6 +82,7 @@ def bound(
         model(system),
         start=start,
         dense=dense,
+        underway=underway,
         names=system.names,
         threads=threads,
         stops=None if conditions is None else conditions.stops,
@@ -120,7 +124,7 @@ def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: st
     Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    beside = {ACCOUNTS, ENDED, *EVENTS}
+    beside = {ACCOUNTS, ENDED, PACE, *EVENTS}
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name not in beside}
     for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:

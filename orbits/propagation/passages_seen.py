@@ -129,7 +129,8 @@ class Seen:
     """All known passages of a run: the listed ones, and the closest approach of each body.
 
     passages : numbered from 0; errors : the errors at the end of the run that they cause, if known; refined : the
-        numbers of those refined to the accuracy of the orbit
+        numbers of those refined to the accuracy of the orbit; estimated : those among them for which that was not
+        possible, so that they are as recorded, from the two-body orbit within the step
     dominant : number of the body that dominates the system, or -1
     reach : (bodies,), distance within which flybys are listed; end : reading of the clock at the end of the run
     closest : (bodies, 2) numbers of passages, -1 for none: the closest to the dominant body, and to any other body
@@ -144,6 +145,7 @@ class Seen:
         self.dominant = int(self._order[record.dominant]) if record.dominant >= 0 else -1
         self.left_out, self.end, self._clock = record.left_out, record.end, clock
         self.refined: set[int] = set()
+        self.estimated: set[int] = set()
         self.errors: dict[int, float | None] = {}
         self.reach = np.zeros(len(system))
         self.reach[massive] = record.reaches

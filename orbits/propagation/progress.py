@@ -18,28 +18,43 @@ PAUSE = 0.2
 
 
 class Progress:
-    """Shows the progress of a run. `wanted`: True or None for a bar on terminals and in notebooks; False for none."""
+    """Shows the progress of a run.
 
-    def __init__(self, wanted: bool | None, *, label: str, total: float, unit: Any, steps: int) -> None:
+    wanted : True or None for a bar on terminals and in notebooks; False for none
+    steps : the steps of the whole run, if they are known; begun : the time and the steps from which it is marched here
+    """
+
+    def __init__(
+        self,
+        wanted: bool | None,
+        *,
+        label: str,
+        total: float,
+        unit: Any,
+        steps: int,
+        begun: tuple[float, int] = (0.0, 0),
+    ) -> None:
         self._make: type[_Terminal] | type[_Notebook] | None = None
         if wanted is not False:
             self._make = _Notebook if in_notebook() else _Terminal if sys.stderr.isatty() else None
         self._label, self._total, self._unit, self._steps = label, total, unit, steps
+        self._from, self._steps_before = begun
         self._begun = time.perf_counter()
         self._bar: _Bar | None = None
 
-    def update(self, done: float) -> None:
-        """Report `done` of the total, in units of time."""
+    def update(self, done: float, steps: int | None = None) -> None:
+        """Report `done` of the total, in units of time, and the steps so far; None where only their rate is known."""
         if self._make is None:
             return
         elapsed = time.perf_counter() - self._begun
         if self._bar is None:
             if elapsed < PATIENCE:
                 return
-            self._bar = self._make(self._label)
+            self._bar = self._make(self._label, abs(self._from / self._total))
         fraction = abs(done / self._total)
+        taken = abs((done - self._from) / self._total) * self._steps if steps is None else steps - self._steps_before
         at = with_unit(f"{done:,.6g} / {self._total:,.6g}", self._unit)
-        self._bar.show(fraction, at, f"{fraction * self._steps / elapsed:,.0f} steps/s")
+        self._bar.show(fraction, at, f"{taken / elapsed:,.0f} steps/s")
 
     def close(self) -> None:
         """Remove the bar."""
@@ -55,9 +70,9 @@ class _Bar(Protocol):
 
 
 class _Terminal:
-    """A bar on standard error, by rich."""
+    """A bar on standard error, by rich; begun : the fraction from which it goes on."""
 
-    def __init__(self, label: str) -> None:
+    def __init__(self, label: str, begun: float) -> None:
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -75,6 +90,7 @@ class _Terminal:
             transient=True,
         )
         self._task = self._bar.add_task(label, total=1.0, at="", rate="")
+        self._bar.update(self._task, completed=begun)
         self._bar.start()
 
     def show(self, fraction: float, at: str, rate: str) -> None:
@@ -87,8 +103,8 @@ class _Terminal:
 class _Notebook:
     """An HTML bar in the output of a cell, by IPython alone; rich would need ipywidgets there."""
 
-    def __init__(self, label: str) -> None:
-        self._label = label
+    def __init__(self, label: str, begun: float) -> None:
+        self._label, self._from = label, begun
         self._begun = time.perf_counter()
         self._shown = -PAUSE
         display = importlib.import_module("IPython.display").display
@@ -99,7 +115,8 @@ class _Notebook:
         if now - self._shown < PAUSE:
             return
         self._shown = now
-        left = f", {now * (1.0 - fraction) / fraction:,.0f} s left" if fraction > 0.0 and now > 1.0 else ""
+        done = fraction - self._from
+        left = f", {now * (1.0 - fraction) / done:,.0f} s left" if done > 0.0 and now > 1.0 else ""
         text = f"{self._label}  {fraction:.0%}  {at}  {rate}{left}"
         bar = f'<progress value="{fraction:.4f}" max="1" style="width:16em;vertical-align:middle"></progress>'
         html = f"<b>{escape(self._label)}</b> {bar} {escape(text.removeprefix(self._label))}"

@@ -20,7 +20,8 @@ from orbits.marching.clocks import Clock, Place
 from orbits.marching.handing_over import METHOD
 from orbits.propagation.marchers import march_of
 from orbits.propagation.passages_seen import Passage, Seen
-from orbits.system.model import model
+from orbits.system.model import continued, model, most_inner
+from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:
     from orbits.marching.marcher import Marcher
@@ -41,7 +42,8 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
     """Refine distance, time, speed and states of some passages to the accuracy of the orbit.
 
     The massive bodies and the massless ones concerned are marched from the preceding sample. If that sample lies
-    between steps, a partial step leads back to the grid.
+    between steps, a partial step leads back to the grid. A passage up to which they cannot be marched again, as they
+    meet a body there, say, stays as it was recorded: its number goes to `seen.estimated`.
     """
     numbers = [k for k in numbers if k not in seen.refined]
     seen.refined.update(numbers)
@@ -53,10 +55,14 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
         starts.setdefault(before, []).append(k)
     for sample, ones in starts.items():
         bodies = [seen.passages[k].body for k in ones] + [seen.passages[k].other for k in ones]
-        with suppress(IntegrationError):  # the run failed here; the recorded values are kept
+        seen.estimated.update(ones)
+        with suppress(IntegrationError):  # the run failed here
             walk = _Walk(trajectory, sample, sorted(set(bodies)))
             for k in ones:
-                seen.passages[k] = _refined(walk, seen, seen.passages[k], trajectory.clock)
+                found = _refined(walk, seen, seen.passages[k], trajectory.clock)
+                if math.isfinite(found.distance) and math.isfinite(found.speed):
+                    seen.passages[k] = found
+                    seen.estimated.discard(k)
 
 
 class _Walk:
@@ -74,13 +80,17 @@ class _Walk:
         self.step: float = step + (rest != 0.0)
         self._clock = trajectory.clock
         self._integrator, self._system = trajectory.integrator, system
+        if most_inner(system) and sample >= 0:
+            self._system = continued(system, accounts_of(trajectory)[sample])
         self._excursions = trajectory.excursions
         self.marcher = self._bound(self._bodies, q[wanted], v[wanted], time)
         if self._clock.changes:
             self._begun = self.step = time
         elif rest != 0.0:
             at = self._clock.time(self.step)
-            self.marcher = self._bound(self._bodies, *self.marcher.state_after(self._clock.h - rest), at)
+            state = self.marcher.state_after(self._clock.h - rest)
+            self._continue()
+            self.marcher = self._bound(self._bodies, *state, at)
         self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 
     def to(self, step: float) -> None:
@@ -104,12 +114,19 @@ class _Walk:
         wanted[list(pair)] = True
         there = wanted[self._bodies]
         q, v = self._state()
+        self._continue()
         bodies = self._bodies[there]
         start = float(self._clock.time(self.step))
         if self.chooses(self.step) and not self._clock.changes:
             chosen = METHOD, Adaptive().towards(self._clock.direction)
             return _Pair(self._bound(bodies, q[there], v[there], start, *chosen), bodies)
         return _Pair(self._bound(bodies, q[there], v[there], start), bodies)
+
+    def _continue(self) -> None:
+        """Give forces the internal variables that they have at the state returned last."""
+        if most_inner(self._system):
+            names = [self._system.names[i] for i in self._bodies]
+            self._system = continued(self._system, self.marcher.accounts(), names)
 
     def _state(self) -> tuple[Array, Array]:
         place = Place(0, self.step - self._begun) if self._clock.changes else self._place
@@ -127,7 +144,7 @@ class _Walk:
         # All massive bodies are included, so the model of the run applies.
         values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
         how = integrator or self._integrator, clock or self._clock
-        return march_of(values, *how, model(self._system, bodies), start=start)
+        return march_of(values, *how, model(self._system, bodies), start=start, underway=True)
 
 
 class _Pair:

@@ -8,28 +8,26 @@ from collections.abc import Iterable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
 
-import numpy as np
-
 from orbits import integrators
+from orbits.archive.pace import PACE, Pace
 from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, shown
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.marching.leaving import LeavingMarcher
 from orbits.propagation.before_the_start import check_before_start, check_bodies, check_span
-from orbits.propagation.changing import ChangingMarch, March, march_of_run, of_this_leg
+from orbits.propagation.changing import ChangingMarch, march_of_run, of_this_leg
 from orbits.propagation.error_estimate import error_bars
-from orbits.propagation.events.again import sought_again
 from orbits.propagation.events.base import Sought
-from orbits.propagation.events.particles import Sample
 from orbits.propagation.events.seeking import Seeking
+from orbits.propagation.heartbeat import Heartbeat, heartbeat_of
 from orbits.propagation.loop import Callback, Run, RunEnds, march
-from orbits.propagation.marchers import differences, provenance, restore
+from orbits.propagation.marchers import differences, provenance
 from orbits.propagation.precision import check_length
 from orbits.propagation.replay import REPLAY
-from orbits.propagation.sample_store import accounts_in, checkpoint_of, no_accounts
+from orbits.propagation.rigid_runs import check_rigid, default_method, is_rigid
+from orbits.propagation.sample_store import checkpoint_of, no_accounts
 from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
 from orbits.propagation.systems import (
@@ -42,13 +40,15 @@ from orbits.propagation.systems import (
     systems_of,
     threads_of_each,
 )
+from orbits.propagation.taking_up import last_sample, taken_up
+from orbits.propagation.wall_clock import Deadline
 from orbits.system import System
 from orbits.system.model import most_inner
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from orbits.archive import Archive, ArchiveWriter
+    from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate
 
 Path = str | PathLike[str]
@@ -71,6 +71,8 @@ class Options(TypedDict, total=False):
     progress: bool | None
     threads: int | None
     error_estimate: bool
+    heartbeat: Any
+    wall_time: Any
 
 
 @overload
@@ -112,6 +114,8 @@ def propagate(
     progress: bool | None = None,
     threads: int | None = None,
     error_estimate: bool = False,
+    heartbeat: Any = None,
+    wall_time: Any = None,
     **others: Unpack[NoOthers],
 ) -> Trajectory | list[Trajectory]:
     """Propagate `system` and return the samples: `run.t` (n,), `run.q`, `run.v` (n, bodies, 3).
@@ -124,7 +128,7 @@ def propagate(
         equal shape, with the same numbers of massive bodies and of massless particles, the same units and the same
         samples: the result is a list of trajectories, each with the bits that it has alone
     integrator : a method such as `Gauss(stages=8)`, the default, or its name as on the command line: "gauss",
-        "gauss(stages=4)"
+        "gauss(stages=4)". Systems with rigid bodies need kicks and drifts; their default is `Composition(order=8)`
     dt : None or `orbits.Adaptive()` chooses steps one by one, also through encounters, with errors at the level of
         round-off, for Gauss; massless particles take steps of their own where they need to;
         `orbits.TimeTransformed(step=0.3)` takes constant steps of transformed time, symplectic through near-collisions,
@@ -161,6 +165,12 @@ def propagate(
         processors. The bits of the result do not depend on it
     error_estimate : whether the two companions of `run.error_estimate()` are marched after the run, in 2.4 times its
         time; there are none, and a warning, if massive bodies merge, bounce or are changed on the way
+    heartbeat : for logs, instead of the bar: the wall time from line to line, such as "60 s", of lines on standard
+        error with the time reached, steps per second, what is left, the drift of energy and angular momentum, and the
+        samples in the archive; or an `orbits.Heartbeat`, which gives them to a function
+    wall_time : the longest that the run may take, from the call on, such as "2 h", "12:00:00" or seconds: it is then
+        ended between two blocks of steps, `run.complete` is False, and `orbits.resume` goes on with its archive to the
+        bits of a run that was never ended. For a list of systems, of all together
 
     Raises InputError for invalid arguments; UnknownNameError for unknown ones, which for arguments of other packages
     names the equivalent; ConvergenceError or SingularityError if a step of the massive bodies fails (a massless
@@ -171,8 +181,15 @@ def propagate(
     """
     for name in others:
         raise unknown_argument(propagate, name)
-    method = integrators.named("gauss" if integrator is None else integrator)
+    deadline = Deadline.of(wall_time)
+    given = None if integrator is None else integrators.named(integrator)
     estimated = checked_flag(error_estimate, "error_estimate")
+
+    if estimated and deadline is not None:
+        raise InputError(
+            "wall_time limits the run alone, but error_estimate=True marches two companions after it, in 2.4 times its "
+            "time; leave it out, and call run.error_estimate() when the run is complete."
+        )
 
     def grid_of(one: System) -> TimeGrid:
         return TimeGrid.of(one, dt, duration=duration, until=until, samples=samples)
@@ -185,11 +202,15 @@ def propagate(
         "check_step": check_step,
         "dense": dense,
         "progress": progress,
+        "heartbeat": heartbeat_of(heartbeat),
+        "wall_time": deadline,
     }
     if isinstance(system, System):
         options |= {"archive": archive, "overwrite": overwrite, "threads": threads}
+        method = given or default_method(system)
         return _completed(propagated(system, method, grid_of(system), **options), dense, estimated, threads)
     several = systems_of(system)
+    method = given or default_method(*several)
     grids = each(len(several), lambda k: grid_of(several[k]))
     check_samples(grids)
     replace = checked_flag(overwrite, "overwrite")
@@ -250,6 +271,8 @@ def begun(
     dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
+    heartbeat: Heartbeat | None = None,
+    wall_time: Deadline | None = None,
 ) -> Run:
     """Return a run on an existing grid of steps and samples, ready to be marched; otherwise as `propagate`."""
     conditions = Conditions(system, stop)
@@ -257,11 +280,12 @@ def begun(
     progress = checked_choice(progress, "progress")
     seeking = Seeking(system, events, grid.clock.direction)
     check_bodies(system, integrator)
+    check_rigid(system, grid)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
     if grid.clock.changes:
         check_length(system, grid)
     check_before_start(system, integrator, grid, check_step)
-    watch = RunEnds(conditions, callback, bool(check_step), seeking)
+    watch = RunEnds(conditions, callback, bool(check_step), seeking, deadline=wall_time)
     accounts = no_accounts(len(grid), len(system.forces), most_inner(system))
     if checked_flag(dense, "dense") and seeking.touching:
         raise InputError(
@@ -276,6 +300,9 @@ def begun(
     if most_inner(system) and (dense or seeking.events):
         kinds = [*dict.fromkeys(type(force).__name__ for force in system.forces if force.variables)]
         those, change = " and ".join(kinds), "changes" if len(kinds) == 1 else "change"
+        known = "a spin as well, or other internal variables"
+        if is_rigid(system):
+            those, change, known = "rigid bodies", "have", "attitudes and spins as well"
         what, remedy = "dense=True keeps", (
             "leave it out: run.at(times) marches on from the preceding sample, with what it is there."
         )
@@ -283,8 +310,7 @@ def begun(
             what = "events are sought from"
             remedy = f"leave out {few([*dict.fromkeys(type(event).__name__ for event in seeking.events)])}, or {those}."
         raise InputError(
-            f"{what} positions and velocities, but {those} {change} a spin as well, or other internal variables; "
-            f"{remedy}"
+            f"{what} positions and velocities, but {those} {change} {known}; {remedy}"
         )
     if dense and any(search.interrupts for search in seeking.particles):
         raise InputError(
@@ -297,7 +323,8 @@ def begun(
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        return Run(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
+        in_memory = Run(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
+        return in_memory._replace(heartbeat=heartbeat)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
@@ -316,7 +343,7 @@ def begun(
             system=system,
             integrator=integrators.describe(integrator),
             grid=grid,
-            checkpoint=checkpoint_of(marcher, accounts, seeking),
+            checkpoint=checkpoint_of(marcher, accounts, seeking, pace=Pace()),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
             events=seeking.described(),
@@ -324,7 +351,8 @@ def begun(
             overwrite=replace,
         )
 
-    return Run(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
+    run = Run(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
+    return run._replace(heartbeat=heartbeat)
 
 
 class ResumeOptions(TypedDict, total=False):
@@ -335,6 +363,8 @@ class ResumeOptions(TypedDict, total=False):
     progress: bool | None
     threads: int | None
     same_bits: bool
+    heartbeat: Any
+    wall_time: Any
 
 
 @overload
@@ -353,6 +383,8 @@ def resume(
     progress: bool | None = None,
     threads: int | None = None,
     same_bits: bool = True,
+    heartbeat: Any = None,
+    wall_time: Any = None,
 ) -> Trajectory | list[Trajectory]:
     """Continue the run in an archive, bit for bit as if it had never stopped.
 
@@ -362,17 +394,19 @@ def resume(
     events : those of the run, if an archive cannot hold them: functions of your own, and what acts. Others are known
     same_bits : refuse if the processor, Numba or the kernels have changed, because the last bits may then change, and
         functions in `events` whose code is not that of the run; False resumes anyway
+    heartbeat, wall_time : as in `propagate`
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
     options = {"until": until, "events": events, "progress": progress, "same_bits": same_bits}
+    options |= {"heartbeat": heartbeat_of(heartbeat), "wall_time": Deadline.of(wall_time)}
     if isinstance(path, str | PathLike):
         if os.path.isdir(path):
             raise ArchiveError(
                 f"{path} is a folder; expected an archive, or a list of them: for those in it, "
                 f"orbits.resume(sorted(pathlib.Path({os.fspath(path)!r}).glob('*.h5')))."
             )
-        run = _resumed(path, threads=threads, **options)
+        run = resumed(path, threads=threads, **options)
         return run if isinstance(run, Trajectory) else march(run)
     if not isinstance(path, Iterable):
         raise ArchiveError(f"path is {shown(path)}; expected the path of an archive, or a list of paths.")
@@ -384,14 +418,14 @@ def resume(
     runs: list[Run | Trajectory] = []
 
     def take(k: int) -> None:
-        runs.append(_resumed(paths[k], threads=of_each, **options))
+        runs.append(resumed(paths[k], threads=of_each, **options))
 
     with released_if_it_fails(runs):
         each(len(paths), take)
     return march_each(runs, threads, checked_choice(progress, "progress"), in_turn=in_turn)
 
 
-def _resumed(
+def resumed(
     path: Path,
     *,
     until: Any,
@@ -399,6 +433,8 @@ def _resumed(
     progress: bool | None,
     threads: int | None,
     same_bits: bool,
+    heartbeat: Heartbeat | None,
+    wall_time: Deadline | None,
 ) -> Run | Trajectory:
     """Return the rest of the run in an archive, ready to be marched; the trajectory if it is complete."""
     from orbits.archive import Archive, ArchiveWriter, extended
@@ -408,8 +444,7 @@ def _resumed(
     # Everything below is read under the lock: no second resume can add to the file after this one has read it.
     old = Archive.claim(path)
     try:
-        system = old.system
-        integrator, _ = made_by(old)
+        system, (integrator, _) = old.system, made_by(old)
         changed, exactly = differences(old.provenance), checked_flag(same_bits, "same_bits")
         if changed and exactly:
             raise ArchiveError(
@@ -423,14 +458,8 @@ def _resumed(
             old.release()
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
         check_span(system, grid)
-        seeking = sought_again(old, events, path, exactly)
-        marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
-        restore(marcher, old.checkpoint(), path)
-        seeking.restore(old.checkpoint(), marcher.reading != 0, path)
-        if isinstance(marcher, ChangingMarch):
-            marcher.follow_events()
-        accounts = accounts_in(old, len(grid), len(system.forces), most_inner(system))
-        _check_place(marcher, grid, old.committed, path)
+        place = old.checkpoint(), old.committed
+        marcher, seeking, accounts = taken_up(old, grid, place, events, exactly=exactly, threads=threads)
         changed_before = isinstance(marcher, ChangingMarch) and marcher.changed
         steps = None if changed_before else continued(old, of_this_leg(marcher))
     except BaseException:
@@ -438,40 +467,12 @@ def _resumed(
         raise
 
     def begin() -> ArchiveWriter:
-        now, before = checkpoint_of(marcher, accounts, seeking), old.checkpoint()
-        if until is None and now.keys() == before.keys():
+        now, before = checkpoint_of(marcher, accounts, seeking, pace=Pace()), old.checkpoint()
+        if until is None and now.keys() - {PACE} == before.keys() - {PACE}:
             return ArchiveWriter.going_on(old)
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(system, ()), None, True, seeking, _last_sample(old))
-    return Run(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps, old.close)
-
-
-def _last_sample(archive: Archive) -> Sample | None:
-    """Return the last sample in an archive, if there is one."""
-    if not archive.committed:
-        return None
-    k = archive.committed - 1
-    return Sample(float(archive.times[k]), np.array(archive.q[k]), np.array(archive.v[k]))
-
-
-def _check_place(marcher: March, grid: TimeGrid, committed: int, path: Path) -> None:
-    """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
-    if grid.clock.changes:
-        following = float(grid.goals[committed])
-        if not (following - marcher.time) * grid.direction >= 0.0:
-            raise ArchiveError(
-                f"{path} is damaged: its checkpoint is at {marcher.time:.10g}, behind the next sample, "
-                f"{following:.10g}. Restore it from a copy."
-            )
-        return
-    steps = grid.steps
-    # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
-    away = isinstance(marcher, LeavingMarcher) and marcher.is_away
-    last = int(steps[committed - 1]) if committed and not away else 0
-    if not last <= marcher.step <= int(steps[committed]):
-        raise ArchiveError(
-            f"{path} is damaged: its checkpoint is at step {marcher.step}, but the samples before and after it are at "
-            f"steps {last} and {int(steps[committed])}. Restore it from a copy."
-        )
+    watch = RunEnds(Conditions(system, ()), None, True, seeking, last_sample(old, old.committed), wall_time)
+    rest = Run(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps, old.close)
+    return rest._replace(heartbeat=heartbeat)

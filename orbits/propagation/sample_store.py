@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.archive.ended import ENDED, Ended
+from orbits.archive.pace import PACE, Pace
 from orbits.errors import ArchiveError, InputError
 from orbits.kernels.acting import FIGURES
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
@@ -40,6 +41,10 @@ COMMIT_SHARE = 0.25
 class Resumable(Protocol):
     """A march that can go on from a checkpoint."""
 
+    @property
+    def time(self) -> float:
+        """The time that it has reached."""
+
     def checkpoint(self) -> dict[str, NDArray[Any]]:
         """Return all that is needed to resume bit for bit, as arrays of fixed shapes."""
 
@@ -55,6 +60,7 @@ class SampleStore:
         the run, and their internal variables there, known up to the next sample; by default there are no forces
     steps : what keeps the steps of the run for dense output, or None
     events : those that are sought, if any
+    pace : when the run was begun or resumed, and where; None to commit nothing of it
 
     ended : how the run ended, for the last commit
     """
@@ -67,8 +73,9 @@ class SampleStore:
         accounts: Array | None = None,
         steps: StepStore | None = None,
         events: Seeking | None = None,
+        pace: Pace | None = None,
     ) -> None:
-        self._events, self.ended = events, Ended()
+        self._events, self.ended, self._pace = events, Ended(), pace
         self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
         self.steps = steps
         self._next = len(self._accounts) - room
@@ -118,7 +125,8 @@ class SampleStore:
         if self._writer is not None:
             if self._events is not None:
                 self._events.flush()
-            checkpoint = checkpoint_of(marcher, self._accounts, self._events, self.ended)
+            pace = None if self._pace is None else self._pace.now(marcher.time)
+            checkpoint = checkpoint_of(marcher, self._accounts, self._events, self.ended, pace)
             new = self._q[: self._count], self._v[: self._count], checkpoint
             if self.steps is None:
                 self._writer.commit(*new)
@@ -134,12 +142,17 @@ class SampleStore:
 
 
 def checkpoint_of(
-    marcher: Resumable, accounts: Array, events: Seeking | None = None, ended: Ended | None = None
+    marcher: Resumable,
+    accounts: Array,
+    events: Seeking | None = None,
+    ended: Ended | None = None,
+    pace: Pace | None = None,
 ) -> dict[str, NDArray[np.generic]]:
     """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, with the
-    events found so far, and with how the run ended, if it did.
+    events found so far, with how the run ended, if it did, and with its pace, if it is given.
     """
     known: dict[str, NDArray[np.generic]] = {ENDED: (Ended() if ended is None else ended).encoded()}
+    known |= {} if pace is None else {PACE: pace.encoded()}
     known |= {ACCOUNTS: accounts.copy()} if accounts.size else {}
     return {**marcher.checkpoint(), **known, **({} if events is None else events.checkpoint())}
 

@@ -34,6 +34,7 @@ from orbits.propagation.passage_effect import (
     effect,
     march_pair,
 )
+from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 
 if TYPE_CHECKING:
@@ -43,7 +44,12 @@ TOO_LONG = 1e-2
 """A step is too long if the error of the fastest passage exceeds this, before a run."""
 
 INSTEAD = "leave dt out: steps are then chosen one by one"
-"""The advice that serves all systems."""
+"""The advice that serves all systems but those with rigid bodies."""
+
+OF_HIGHER_ORDER = "take a method of higher order, such as orbits.Composition(order=8)"
+"""The advice for those, whose steps cannot be chosen one by one, if the method is of an order below `HIGH`."""
+
+HIGH = 8
 
 UNRESOLVED = 0.1
 """A passage with a larger error was not resolved."""
@@ -142,9 +148,10 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
         enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
     else:
         enough = step_that_resolves(integrator, h, pair, span - start, span)
-    remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it, or {INSTEAD}"
+    advice = instead(system, integrator)
+    remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it{advice and f', or {advice}'}"
     if not enough:
-        remedy = f"no step that is practical resolves it with this method: {INSTEAD}"
+        remedy = f"no step that is practical resolves it with this method{advice and f': {advice}'}"
     warnings.warn(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
         f"{in_digits(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
@@ -152,6 +159,13 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
         StepWarning,
         stacklevel=level_of_caller(),
     )
+
+
+def instead(system: System, integrator: Integrator) -> str:
+    """Return the advice for a system whose step is too long, besides a shorter one; "" if there is none."""
+    if not any(force.kind == RIGID for force in system.forces):
+        return INSTEAD
+    return OF_HIGHER_ORDER if integrator.order < HIGH else ""
 
 
 def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:

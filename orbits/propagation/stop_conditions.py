@@ -19,6 +19,7 @@ from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.events.base import RECORD, STOP, Sought
 from orbits.propagation.events.functions import calling, named
 from orbits.propagation.events.kinds import Distance, check_names, pairs_of
+from orbits.propagation.wall_clock import seconds_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class WallTimeOver:
     duration: Any
 
     def __post_init__(self) -> None:
-        _seconds(self.duration)
+        seconds_of(self.duration, "WallTimeOver.duration")
 
 
 Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
@@ -149,7 +150,7 @@ class Conditions:
         for row, condition in enumerate(self._distances):
             self.stops[row] = self._row(condition)
         self.energy = math.inf if self._energy is None else float(self._energy.fraction)
-        self.seconds = math.inf if self._clock is None else _seconds(self._clock.duration)
+        self.seconds = math.inf if self._clock is None else seconds_of(self._clock.duration, "WallTimeOver.duration")
 
     def met(self, condition: int, row: int, body: int) -> tuple[str, Condition]:
         """Return the condition that ended a march, in words and as a value."""
@@ -255,13 +256,3 @@ def _check_pair(condition: CloserThan | FartherThan) -> None:
     object.__setattr__(condition, "distance", distance)
     positive_number(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
     check_names(condition, condition.body, condition.other)
-
-
-def _seconds(value: Any) -> float:
-    value = quantity_from_text(value, "WallTimeOver.duration", "a time, such as 60 * u.s")
-    try:
-        return positive_number(u.Quantity(value, u.s).value, "WallTimeOver.duration")
-    except InputError:
-        raise
-    except (u.UnitConversionError, TypeError, ValueError, OverflowError) as error:
-        raise InputError(f"WallTimeOver.duration is {shown(value)}; expected a time, such as 60 * u.s.") from error

@@ -18,6 +18,7 @@ from orbits.archive.creation import check_target
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, level_of_caller, shown
 from orbits.marching.marcher import available_threads
+from orbits.propagation.heartbeat import Pulse
 from orbits.propagation.loop import Marching, Run, marching, to_its_end
 from orbits.propagation.progress import Progress
 from orbits.propagation.side_by_side import march_in_threads
@@ -210,29 +211,44 @@ class _Bars:
     """The progress of several runs, shown as one; each run reports to one of `bars`."""
 
     def __init__(self, runs: Sequence[Run], progress: bool | None) -> None:
-        one, count = runs[0], len(runs)
-        label = f"{one.integrator.label}, {count} systems"
-        steps = sum(run.grid.whole_steps for run in runs)
-        self._shown = Progress(progress, label=label, total=one.grid.end, unit=one.system.units.time, steps=steps)
-        self.bars = [_Reached() for _ in runs]
+        one, self._count = runs[0], len(runs)
+        label = f"{one.integrator.label}, {self._count} systems"
+        self.bars = [_Reached(run.marcher.time, run.marcher.step) for run in runs]
+        steps, unit, end = sum(run.grid.whole_steps for run in runs), one.system.units.time, one.grid.end
+        wanted = progress if one.heartbeat is None else False
+        self._shown = Progress(wanted, label=label, total=end, unit=unit, steps=steps, begun=self._reached())
+        self._pulse = Pulse(one.heartbeat, unit, end, *self._reached())
 
     def show(self) -> None:
         """Show the mean of what they have reached."""
-        self._shown.update(sum(bar.done for bar in self.bars) / len(self.bars))
+        self._shown.update(*self._reached())
+        if self._pulse.due:
+            self._pulse.beat(*self._reached(), self._told())
 
     def close(self) -> None:
         """Remove it."""
         self._shown.close()
+        if self._pulse.beaten:
+            self._pulse.beat(*self._reached(), self._told(), last=True)
+
+    def _reached(self) -> tuple[float, int]:
+        """Return the mean of the times reached, and the sum of the steps."""
+        return sum(bar.done for bar in self.bars) / self._count, sum(bar.steps for bar in self.bars)
+
+    def _told(self) -> list[str]:
+        done = sum(bar.ended for bar in self.bars)
+        return [f"{done:,} of {self._count:,} systems done"]
 
 
 class _Reached:
-    done = 0.0
+    def __init__(self, done: float, steps: int) -> None:
+        self.done, self.steps, self.ended = done, steps, False
 
-    def update(self, done: float) -> None:
-        self.done = done
+    def update(self, done: float, steps: int) -> None:
+        self.done, self.steps = done, steps
 
     def close(self) -> None:
-        pass
+        self.ended = True
 
 
 def threads_of_each(count: int, threads: int | None) -> int:

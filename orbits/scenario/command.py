@@ -7,20 +7,22 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from orbits.errors import InputError, Interrupted, OrbitsError
+from orbits.errors import InputError, Interrupted, OrbitsError, OutOfTime
 from orbits.scenario.definition import MIND, Outcome, Scenario
 from orbits.scenario.study import Study, StudyOutcome, Table, cell
-from orbits.scenario.typed import quantity, step_or_clock
+from orbits.scenario.typed import number_or_text, quantity, step_or_clock
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from orbits.propagation.heartbeat import Heartbeat
+    from orbits.propagation.wall_clock import Deadline
     from orbits.scenario.certificates import CertifyOutcome
 
 Dt = Annotated[
@@ -39,6 +41,22 @@ Samples = Annotated[int | None, typer.Option(help="Number of samples, both ends 
 Out = Annotated[Path | None, typer.Option(help="Folder for the results; results/NAME by default.", metavar="FOLDER")]
 Json = Annotated[bool, typer.Option("--json", help="Print the outcome as JSON on standard output.", metavar="")]
 NoPlot = Annotated[bool, typer.Option("--no-plot", help="Draw nothing.", metavar="")]
+WallTime = Annotated[
+    str | None,
+    typer.Option(
+        help="The longest that the command may take: '2 h', 12:00:00, or seconds. It then stops with status 75 and "
+        "says how to go on.",
+        metavar="TIME",
+    ),
+]
+Beat = Annotated[
+    str | None,
+    typer.Option(
+        "--heartbeat",
+        help="From line to line about the run: '60 s', or never. By default a minute where there is no terminal.",
+        metavar="TIME",
+    ),
+]
 
 
 def stderr() -> Console:
@@ -62,6 +80,9 @@ def guarded() -> Iterator[None]:
     try:
         yield
         sys.stdout.flush()
+    except OutOfTime as error:
+        stderr().print(f"[bold yellow]stopped:[/] {_escaped(str(error))}", soft_wrap=True)
+        raise SystemExit(error.exit_code) from None
     except (OrbitsError, Interrupted) as error:
         stderr().print(f"[bold red]error:[/] {_escaped(' '.join(str(error).split()))}", soft_wrap=True)
         raise SystemExit(error.exit_code) from None
@@ -84,6 +105,27 @@ def guarded() -> Iterator[None]:
         what = f"{type(error).__name__}: {' '.join(str(error).split())}; this is a bug in orbits: please report it"
         stderr().print(f"[bold red]error:[/] {_escaped(what)}", soft_wrap=True)
         raise SystemExit(1) from None
+
+
+@dataclass(frozen=True)
+class Pacing:
+    """What the options say of the wall time: the lines about a run, and the limit of the command."""
+
+    heartbeat: Heartbeat | None = None
+    deadline: Deadline | None = None
+
+
+def paced(wall_time: str | None, heartbeat: str | None) -> Pacing:
+    """Return the options `--wall-time` and `--heartbeat` as values. Raises InputError for what cannot be read."""
+    from orbits.propagation.heartbeat import Heartbeat
+    from orbits.propagation.wall_clock import Deadline, seconds_of
+
+    deadline = None if wall_time is None else Deadline(number_or_text(wall_time), "--wall-time")
+    if heartbeat is None:
+        return Pacing(None if sys.stderr.isatty() else Heartbeat(), deadline)
+    if heartbeat.strip().lower() == "never":
+        return Pacing(None, deadline)
+    return Pacing(Heartbeat(seconds_of(number_or_text(heartbeat), "--heartbeat")), deadline)
 
 
 def changed(
@@ -121,18 +163,47 @@ def changed(
     return new
 
 
-def execute(scenario: Scenario | Study, *, out: Path | None, as_json: bool, no_plot: bool) -> int:
+def execute(
+    scenario: Scenario | Study,
+    *,
+    out: Path | None,
+    as_json: bool,
+    no_plot: bool,
+    wall_time: str | None = None,
+    heartbeat: str | None = None,
+) -> int:
     """Perform a scenario, print its outcome, and return the exit code."""
     from orbits.scenario.performing import perform, to_json
 
     console = stderr()
     console.print(f"[bold]{_escaped(scenario.title)}[/]")
-    outcome = perform(scenario, out=out, plot=not no_plot, say=_saying(console))
+    outcome: Outcome | StudyOutcome
+    if isinstance(scenario, Study):
+        _refuse_pacing(scenario, wall_time, heartbeat)
+        outcome = perform(scenario, out=out, plot=not no_plot, say=_saying(console))
+    else:
+        pacing = paced(wall_time, heartbeat)
+        outcome = perform(
+            scenario,
+            out=out,
+            plot=not no_plot,
+            say=_saying(console),
+            heartbeat=pacing.heartbeat,
+            wall_time=pacing.deadline,
+        )
     if as_json:
         print(to_json(outcome))
     else:
         show(outcome)
     return 0 if outcome.ok else 1
+
+
+def _refuse_pacing(study: Study, wall_time: str | None, heartbeat: str | None) -> None:
+    given = [name for name, value in {"--wall-time": wall_time, "--heartbeat": heartbeat}.items() if value is not None]
+    if given:
+        raise InputError(
+            f"{study.name!r} is a study, which makes its runs by itself: it takes no {' or '.join(given)}."
+        )
 
 
 def certify(
@@ -232,10 +303,17 @@ def main(scenario: Scenario | Study) -> None:
         out: Out = None,
         as_json: Json = False,
         no_plot: NoPlot = False,
+        wall_time: WallTime = None,
+        heartbeat: Beat = None,
     ) -> None:
         with guarded():
             code = execute(
-                changed(scenario, dt, duration, integrator, samples), out=out, as_json=as_json, no_plot=no_plot
+                changed(scenario, dt, duration, integrator, samples),
+                out=out,
+                as_json=as_json,
+                no_plot=no_plot,
+                wall_time=wall_time,
+                heartbeat=heartbeat,
             )
             raise typer.Exit(code)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 from orbits.body_names import few
 from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, headed, text_table
+from orbits.plotting.words import fitting_time
+from orbits.propagation.wall_clock import wall_time_text
 from orbits.units import date_text
 
 if TYPE_CHECKING:
@@ -38,6 +41,7 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
         "to": float(run.times[-1]) if len(run) else None,
         "reached": run.reached,
         "end": None if run.archive is None else run.archive.grid.end,
+        "running": _running(run),
         "ended": {"how": ended.how, "why": ended.why} if ended is not None and ended.how else None,
         "dense_states": None if run.kept is None else len(run.kept),
         "sought": [{key: event[key] for key in ("kind", "given", "then")} for event in _sought(run)],
@@ -48,6 +52,7 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
         "largest_relative_change": {n: _known(getattr(drift, n).max_fraction) for n in CONSERVED} if drift else None,
         "retired": run.retired.to_records(),
         "excursions": run.excursions.to_records(),
+        "rigid": [_rigid(run, name) for name in run.system.rigid] if len(run) else [],
     }
     if run.system.forces:
         found["work"] = [
@@ -59,7 +64,8 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
 
 def text(file: Path, run: Trajectory) -> str:
     """Return what is in an archive, in paragraphs: the run and how it ended, its bodies, events and drift."""
-    first = [str(run), *_endings(run)]
+    running = _running(run)
+    first = [str(run), *_endings(run), *([_under_way(run, running)] if running else [])]
     if run.kept is not None:
         first.append(f"dense output from {len(run.kept):,} states: run.at(times) answers at once")
     parts = ["\n".join(first), str(run.system)]
@@ -69,11 +75,13 @@ def text(file: Path, run: Trajectory) -> str:
         parts.append(str(run.retired))
     if run.excursions.total:
         parts.append(str(run.excursions))
+    if run.system.rigid and len(run):
+        parts.append(_turning(run))
     if sought := _sought(run):
         parts.append("\n".join(["sought: " + "\n        ".join(map(_said, sought)), str(run.events)]))
     if len(run):
         parts.append("\n".join([str(run.drift()), *map(str, run.work())]))
-    if not run.complete:
+    if not run.complete and not running:
         functions = any(event["given"] is None or "does" in event for event in sought)
         python = f"orbits.resume({str(file)!r}, events=[...]), in Python: an archive cannot hold functions"
         parts.append(f"not complete: go on with  {python if functions else f'orbits resume {file}'}")
@@ -88,6 +96,42 @@ def _endings(run: Trajectory) -> list[str]:
     when = f"t = {with_unit(f'{run.reached:.10g}', run.system.units.time)}"
     words = {"interrupted": f"interrupted by {ended.why} at {when}", "failed": f"failed after {when}: {ended.why}"}
     return [words.get(ended.how, f"{ended.how}: {ended.why}")]
+
+
+def _running(run: Trajectory) -> dict[str, Any] | None:
+    """Return what is known of the process that writes an archive at this moment, None if there is none."""
+    archive = run.archive
+    writer = None if archive is None else archive.writer
+    if archive is None or writer is None:
+        return None
+    pace, now = archive.pace, time.time()
+    rate = pace.rate
+    left = abs(archive.grid.end - pace.reached) / rate - (now - pace.committed)
+    return {
+        "process": None if writer < 0 else writer,
+        "fraction": abs(run.reached / archive.grid.end),
+        "last_commit_s_ago": now - pace.committed if pace.committed else None,
+        "time_covered_per_s": _known(rate),
+        "left_s": _known(max(left, 0.0) if left == left else left),
+    }
+
+
+def _under_way(run: Trajectory, known: Mapping[str, Any]) -> str:
+    """Return in words how far a run is that is being written."""
+    assert run.archive is not None
+    end = run.archive.grid.end
+    factor, unit = fitting_time(end, run.system.units.time)
+    who = "another process" if known["process"] is None else f"process {known['process']}"
+    reached = with_unit(f"{factor * run.reached:,.6g} of {factor * end:,.6g}", unit)
+    parts = [f"being written by {who}: {known['fraction']:.1%}, t = {reached}"]
+    if known["last_commit_s_ago"] is not None:
+        parts[0] += f" at the last commit, {wall_time_text(max(0.0, known['last_commit_s_ago']))} ago"
+    if known["time_covered_per_s"] is not None:
+        hourly = 3600.0 * factor * known["time_covered_per_s"]
+        parts.append(with_unit(f"{hourly:,.4g}", unit) + " an hour")
+        at = time.strftime("%Y-%m-%d %H:%M", time.localtime(time.time() + known["left_s"]))
+        parts.append(f"done in about {wall_time_text(known['left_s'])}, at {at}")
+    return "; ".join(parts)
 
 
 def _sought(run: Trajectory) -> list[dict[str, Any]]:
@@ -124,6 +168,33 @@ def _legs(run: Trajectory) -> str:
         before = leg
     head = ["change", headed("from t", run.system.units.time), "bodies"]
     return text_table(f"{len(legs):,} legs, with other bodies, masses or radii", head, rows, len(legs) - len(rows))
+
+
+def _rigid(run: Trajectory, name: str) -> dict[str, Any]:
+    """Return the moments of inertia of a rigid body, and its attitude and rotation at the last sample."""
+    body, last = run.system.rigid[name], run[-1:]
+    moments = [float(getattr(x, "value", x)) for x in (body.A, body.B, body.C)]
+    return {
+        "name": name,
+        "moments_per_mass": moments,
+        "attitude": last.attitude(name)[0].tolist(),
+        "spin": last.angular_velocity(name)[0].value.tolist(),
+        "rate_unit": str(run.system.units.rate),
+    }
+
+
+def _turning(run: Trajectory) -> str:
+    """Return a table of the rigid bodies: their moments, and how they turn at the last sample."""
+    rows, last = [], run[-1:]
+    for name in list(run.system.rigid)[:MOST_ROWS]:
+        moments = _rigid(run, name)["moments_per_mass"]
+        shares = " : ".join(f"{x / max(moments):.6g}" for x in moments)
+        rate, tilt = last.rotation_rate(name)[0].value, last.euler_angles(name)[0, 1].value
+        rows.append([name, shares, f"{rate:.8g}", f"{tilt:.4g}"])
+    head = ["body", "A : B : C", headed("turns by", run.system.units.rate), "tilt [deg]"]
+    count = len(run.system.rigid)
+    one = "one rigid body" if count == 1 else f"{count:,} rigid bodies"
+    return text_table(f"{one}, as at the last sample", head, rows, count - len(rows))
 
 
 def _known(figure: float) -> float | None:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
+from types import ModuleType
 
 from orbits import resources
 from orbits.errors import InputError, OrbitsError, UnknownNameError, shown
@@ -55,6 +56,18 @@ def load(what: str) -> Scenario | Study:
 
 def load_file(path: Path) -> Scenario | Study:
     """Return the `scenario` defined by the Python file at `path`. Raises InputError, with file and line."""
+    scenario = getattr(executed(path), "scenario", None)
+    if not isinstance(scenario, Scenario | Study):
+        got = "defines none" if scenario is None else f"has one of type {type(scenario).__name__}"
+        raise InputError(
+            f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...), or one "
+            "with orbits.Study."
+        )
+    return scenario
+
+
+def executed(path: Path) -> ModuleType:
+    """Return the Python file at `path` as a module, after it has run. Raises InputError, with file and line."""
     name = f"_orbits_scenario_{path.stem}"
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -63,14 +76,7 @@ def load_file(path: Path) -> Scenario | Study:
     sys.modules[name] = module  # where pickle and dataclasses look for what the file defines
     with located(path), _importable(path.resolve().parent):
         spec.loader.exec_module(module)
-    scenario = getattr(module, "scenario", None)
-    if not isinstance(scenario, Scenario | Study):
-        got = "defines none" if scenario is None else f"has one of type {type(scenario).__name__}"
-        raise InputError(
-            f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...), or one "
-            "with orbits.Study."
-        )
-    return scenario
+    return module
 
 
 @contextmanager

@@ -10,7 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, RetiredWarning, StepWarning, shown
+from orbits.errors import (
+    ArchiveError,
+    InputError,
+    IntegrationError,
+    OrbitsError,
+    OutOfTime,
+    RetiredWarning,
+    StepWarning,
+    shown,
+)
 from orbits.scenario.definition import MIND, CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -20,6 +29,8 @@ from orbits.scenario.study import Study, StudyOutcome, StudyResult
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from orbits.propagation.heartbeat import Heartbeat
+    from orbits.propagation.wall_clock import Deadline
     from orbits.system import System
     from orbits.time_grid import TimeGrid
     from orbits.trajectory import Trajectory
@@ -30,11 +41,23 @@ Say = Callable[[str], None]
 
 @overload
 def perform(
-    scenario: Scenario, *, out: Path | None = ..., plot: bool = ..., progress: bool | None = ..., say: Say = ...
+    scenario: Scenario,
+    *,
+    out: Path | None = ...,
+    plot: bool = ...,
+    progress: bool | None = ...,
+    say: Say = ...,
+    heartbeat: Heartbeat | None = ...,
+    wall_time: Deadline | None = ...,
 ) -> Outcome: ...
 @overload
 def perform(
-    scenario: Study, *, out: Path | None = ..., plot: bool = ..., progress: bool | None = ..., say: Say = ...
+    scenario: Study,
+    *,
+    out: Path | None = ...,
+    plot: bool = ...,
+    progress: bool | None = ...,
+    say: Say = ...,
 ) -> StudyOutcome: ...
 def perform(
     scenario: Scenario | Study,
@@ -43,6 +66,8 @@ def perform(
     plot: bool = True,
     progress: bool | None = None,
     say: Say = lambda text: None,
+    heartbeat: Heartbeat | None = None,
+    wall_time: Deadline | None = None,
 ) -> Outcome | StudyOutcome:
     """Run a scenario and write its results.
 
@@ -50,9 +75,11 @@ def perform(
         same run was interrupted by Ctrl-C, it is continued, as is a study that keeps its parts
     plot : whether to draw
     progress : as in `propagate`; say : receives messages about the progress, one line each
+    heartbeat, wall_time : lines about each run of a scenario, and the limit that all of them keep together
 
-    Raises InputError (or a subclass) for wrong use, IntegrationError for a run that fails, Interrupted after Ctrl-C. An
-    exceeded tolerance raises no error; it makes `outcome.ok` False.
+    Raises InputError (or a subclass) for wrong use, IntegrationError for a run that fails, Interrupted after Ctrl-C,
+    OutOfTime when the wall time is over: if the scenario is run again, the first run goes on where it was. An exceeded
+    tolerance raises no error; it makes `outcome.ok` False.
     """
     folder = results_folder(out or Path("results") / scenario.name)
     if isinstance(scenario, Study):
@@ -70,7 +97,8 @@ def perform(
         grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
         for method in scenario.integrators:  # before the runs
             grid.clock.check(method)
-        runs = _runs(scenario, name, system, grid, folder / f"run{stem}.h5", progress, say, complaints)
+        pace = progress, heartbeat, wall_time
+        runs = _runs(scenario, name, system, grid, folder / f"run{stem}.h5", pace, say, complaints)
         files.append(folder / f"run{stem}.h5")
         cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, grid, runs, progress, say))
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
@@ -184,7 +212,7 @@ def _runs(
     system: System,
     grid: TimeGrid,
     archive: Path,
-    progress: bool | None,
+    pace: tuple[bool | None, Heartbeat | None, Deadline | None],
     say: Say,
     failures: list[str],
 ) -> Mapping[str, Trajectory]:
@@ -192,6 +220,8 @@ def _runs(
     from orbits.propagation.run import propagated, resume
 
     runs: dict[str, Trajectory] = {}
+    progress, heartbeat, wall_time = pace
+    pacing: dict[str, Any] = {"progress": progress, "heartbeat": heartbeat, "wall_time": wall_time}
     for method in scenario.integrators:
         task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
         first = not runs
@@ -200,7 +230,7 @@ def _runs(
         try:
             with _minding(say):
                 if unfinished:
-                    runs[method.label] = resume(archive, progress=progress)
+                    runs[method.label] = resume(archive, **pacing)
                 else:
                     runs[method.label] = propagated(
                         system,
@@ -208,14 +238,23 @@ def _runs(
                         grid,
                         archive=replaceable(archive) if first else None,
                         overwrite=True,
-                        progress=progress,
+                        **pacing,
                     )
         except IntegrationError as error:
             if error.trajectory is None or not len(error.trajectory):
                 raise
             failures.append(f"{task}: {error}")
             runs[method.label] = error.trajectory
+        if wall_time is not None and wall_time.ended(runs[method.label]):
+            raise _out_of_time(runs[method.label], task, first)
     return runs
+
+
+def _out_of_time(run: Trajectory, task: str, first: bool) -> OutOfTime:
+    """Return the error for a run that the wall time ended; the first one of a system is in an archive."""
+    assert run.stopped is not None
+    how = "the same command goes on with it" if first else "only the first method keeps its run: allow more time"
+    return OutOfTime(f"{run.stopped.reason}, in {task}; {how}.")
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import fields, replace
+from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.errors import ArchiveError, InputError, shown
+from orbits.system.rigid_body import RIGID, RigidBody
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
@@ -67,6 +69,39 @@ class Modelled:
         """
         system: Any = self
         return cast(Self, system.replaced(forces=(*self.forces, *forces)))
+
+    def with_rigid(self, bodies: str | Mapping[str, RigidBody], body: RigidBody | None = None) -> Self:
+        """Return this system with bodies that turn: `with_rigid("Hyperion", orbits.RigidBody(...))`, or a mapping of
+        names to several. A body that was rigid before gets the new shape, attitude and spin.
+
+            moon = orbits.RigidBody(shape=(180, 133, 103) * u.km, attitude="Saturn")
+            run = orbits.propagate(system.with_rigid("Hyperion", moon), dt="1 h", duration="30 yr")
+            run.attitude("Hyperion")
+
+        The second degree of their gravity acts between all bodies: its torques turn them, and it moves the others and
+        themselves. What it is between two rigid bodies, both at once, is of the fourth order in their size over their
+        distance, and left out. A body without mass turns in the field of the others. `system.rigid` has the bodies;
+        `system.replaced(forces=())` makes them points again.
+
+        Raises InputError as `RigidBody` says, and UnknownNameError for an unknown body.
+        """
+        from orbits.system.rigid_bodies import RigidBodies
+
+        if isinstance(bodies, str):
+            bodies = {bodies: cast("RigidBody", body)}
+        elif not isinstance(bodies, Mapping) or body is not None or not bodies:
+            raise InputError(
+                f"with_rigid got {shown(bodies)}; expected a name and an orbits.RigidBody(...), or a mapping of names "
+                "to these."
+            )
+        system: Any = self
+        return cast(Self, system.replaced(forces=(*self.forces, RigidBodies.made(bodies, system))))
+
+    @property
+    def rigid(self) -> dict[str, RigidBody]:
+        """The rigid bodies by name: moments per unit of mass, attitudes as quaternions, spins as angular velocities."""
+        found = [force for force in self.forces if force.kind == RIGID]
+        return cast(Any, found[0]).given(cast(Any, self).units) if found else {}
 
     def _acting(self) -> str:
         """The end of the representation of a system: its terms and forces."""
@@ -144,7 +179,14 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
                     "that are to act: system.replaced(forces=[...])."
                 )
         found.append(replace(force, **named).in_units(units))
-    return tuple(found)
+    return _with_one_of_rigid(found, names, gm)
+
+
+def _with_one_of_rigid(forces: Sequence[Any], names: Sequence[str], gm: Array) -> tuple[Force, ...]:
+    """Return forces with all rigid bodies in one place, at the end, in the order of the system."""
+    rigid = [force for force in forces if force.kind == RIGID]
+    others = tuple(force for force in forces if force.kind != RIGID)
+    return (*others, reduce(lambda one, other: one.joined(other), rigid).among(names, gm)) if rigid else others
 
 
 def _source(force: CentralForce, bodies: Any, names: Sequence[str], gm: Array) -> str:
@@ -232,8 +274,11 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
         from orbits.forces.central import CentralForce
     for force in system.forces:
         massive, names = system.massive[bodies], np.asarray(system.names)[bodies]
+        heavy, light = names[massive].tolist(), names[~massive].tolist()
+        if force.kind == RIGID:
+            forces.append(cast(Any, force).bound_to(heavy, light, system.units))
+            continue
         if isinstance(force, CentralForce):
-            heavy, light = names[massive].tolist(), names[~massive].tolist()
             forces.append(force.about(heavy.index(force.source), heavy, light, system.units))
             continue
         on = np.ones(len(names), dtype=bool) if force.bodies is None else np.isin(names, force.bodies)
@@ -270,6 +315,20 @@ def whole(system: System, charge: int, newton: Array, q: Array, v: Array, t: Any
     return np.asarray(newton + charges(cast("SumOfTerms", lagrangian_of(system)), q, v, t)[charge])
 
 
+def of_rigid(system: System, charge: int) -> Any:
+    """Return what the rigid bodies of a system, as it is, add to a charge, times G."""
+    if all(force.kind != RIGID for force in system.forces):
+        return 0.0
+    from orbits.system import rigid_bodies
+
+    states = rigid_bodies.start_states(system)
+    if charge == ENERGY:
+        return rigid_bodies.energy(system, system.values.q[system.massive], states)
+    if charge == ANGULAR_MOMENTUM:
+        return rigid_bodies.angular_momentum(system, system.values.q[system.massive], states)
+    return 0.0
+
+
 def axis(system: System) -> tuple[float, float, float] | None:
     """Return the axis about which angular momentum is conserved, if there is only one; zeros for none; None for all."""
     if not system.terms:
@@ -284,16 +343,22 @@ def most_inner(system: System) -> int:
     return max((force.variables for force in system.forces), default=0)
 
 
-def continued(system: System, accounts: Array) -> System:
-    """Return a system with the internal variables of its forces as in the accounts of a sample, (forces, 7 + inner)."""
+def continued(system: System, accounts: Array, names: Sequence[str] | None = None) -> System:
+    """Return a system with the internal variables of its forces as in the accounts of a sample, (forces, 7 + inner).
+
+    names : the bodies of the march that the accounts are of, if it has not all massless ones
+    """
     if not most_inner(system):
         return system
     from orbits.kernels.acting import FIGURES
 
-    found = [
-        force.continued(row[FIGURES : FIGURES + force.variables], system.units) if force.variables else force
-        for force, row in zip(system.forces, accounts, strict=True)
-    ]
+    found: list[Any] = []
+    for force, row in zip(system.forces, accounts, strict=True):
+        inner = row[FIGURES : FIGURES + force.variables]
+        if force.kind == RIGID and names is not None:
+            found.append(cast(Any, force).continued_some(inner, names, system.units))
+        else:
+            found.append(force.continued(inner, system.units) if force.variables else force)
     return system.replaced(forces=found)
 
 
@@ -354,6 +419,8 @@ def acts_on_massive(system: System) -> tuple[str, ...]:
     massive = {name for name, has_mass in zip(system.names, system.massive, strict=True) if has_mass}
     found = []
     for force in system.forces:
+        if force.kind == RIGID:  # part of the Lagrangian
+            continue
         on = massive if force.bodies is None else massive.intersection(force.bodies)
         if on - {getattr(force, "source", None)}:
             found.append(type(force).__name__)
@@ -369,11 +436,13 @@ def from_json(system: System, text: str) -> System:
     """Return a system with the terms and forces of `to_json`. Raises ArchiveError for text that is not of `to_json`."""
     from orbits import forces as force_registry
     from orbits.lagrangians import terms as term_registry
+    from orbits.system.rigid_bodies import RigidBodies
 
     try:
         given = json.loads(text)
         terms = [_made(x, term_registry.registry()) for x in given["terms"]]
-        forces = [_made(x, force_registry.registry()) for x in given["forces"]]
+        kinds = {**force_registry.registry(), RIGID: RigidBodies}
+        forces = [_made(x, kinds) for x in given["forces"]]
         return system.replaced(terms=terms, forces=forces)
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         raise ArchiveError(f"its terms and forces are {shown(text)}, which no run writes ({error}).") from error
@@ -385,7 +454,9 @@ def _plain(item: Any) -> dict[str, Any]:
 
 def _number(value: Any) -> Any:
     if isinstance(value, u.Quantity):
-        return float(value.value)
+        return float(value.value) if value.isscalar else value.value.tolist()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     return [_number(x) for x in value] if isinstance(value, tuple) else value
 
 

@@ -8,7 +8,7 @@ from astropy import units as u
 
 from orbits import diagnostics
 from orbits.system import new_bodies
-from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, centre, whole
+from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, centre, of_rigid, whole
 from orbits.system.orbital_elements import OrbitalElements, osculating
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class Questions:
         """Return the energy of the massive bodies, including terms: `orbits.diagnostics.energy` divided by G."""
         system: System = self  # type: ignore[assignment]
         gm, q, v, softening = system.values
-        value = whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v)
+        value = whole(system, ENERGY, diagnostics.energy(gm, q, v, softening), q, v) + of_rigid(system, ENERGY)
         return u.Quantity(value / system.units.G, system.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
@@ -39,6 +39,7 @@ class Questions:
         system: System = self  # type: ignore[assignment]
         gm, q, v, _ = system.values
         value = whole(system, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v)
+        value = value + of_rigid(system, ANGULAR_MOMENTUM)
         return u.Quantity(value / system.units.G, system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:

@@ -100,7 +100,7 @@ class ConservedQuantities:
         rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
         for name, d in self._drifts.items():
             rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
-        rows += self._remarks
+        rows += self.remarks
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
 
@@ -113,7 +113,7 @@ class ConservedQuantities:
             [name, f"{d.max_fraction:.2e}", f"{d.max_ulps:.3g}", f"{d.last_fraction:.2e}"]
             for name, d in self._drifts.items()
         ]
-        covers = "".join(f"; {remark}" for remark in self._remarks) + (f"; {self.covers}" if self.particles else "")
+        covers = "".join(f"; {remark}" for remark in self.remarks) + (f"; {self.covers}" if self.particles else "")
         return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
 
     @property
@@ -121,7 +121,8 @@ class ConservedQuantities:
         return self.pole is not None and not any(self.pole)
 
     @property
-    def _remarks(self) -> list[str]:
+    def remarks(self) -> list[str]:
+        """What is not conserved, or was taken off, in words."""
         if self.given:
             return [GIVEN]
         remarks = [NOT_KEPT] if self._lost else []
@@ -162,11 +163,15 @@ class Conservation:
         return effects(run)
 
     def energy(self) -> u.Quantity:
-        """Return the energy of the massive bodies, of the whole Lagrangian, shape (n,)."""
+        """Return the energy of the massive bodies, of the whole Lagrangian, shape (n,): with rigid bodies also that of
+        rotation, and the potential of the second degree.
+        """
         softening = self.system.values.softening
         values = self._of_massive(
             lambda s, q, v, t: whole(s, ENERGY, diagnostics.energy(gm_of(s), q, v, softening), q, v, t)
         )
+        if self.system.rigid:
+            values = values + self._of_rigid(rigid_bodies().energy)
         return u.Quantity(values / self.system.units.G, self.system.units.energy)
 
     def linear_momentum(self) -> u.Quantity:
@@ -177,10 +182,14 @@ class Conservation:
         return u.Quantity(values / self.system.units.G, self.system.units.momentum)
 
     def angular_momentum(self) -> u.Quantity:
-        """Return the angular momentum of the massive bodies about the origin, shape (n, 3)."""
+        """Return the angular momentum of the massive bodies about the origin, shape (n, 3), with the spins of those
+        that are rigid.
+        """
         values = self._of_massive(
             lambda s, q, v, t: whole(s, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm_of(s), q, v), q, v, t)
         )
+        if self.system.rigid:
+            values = values + self._of_rigid(rigid_bodies().angular_momentum)
         return u.Quantity(values / self.system.units.G, self.system.units.angular_momentum)
 
     def centre_of_mass(self) -> u.Quantity:
@@ -229,6 +238,12 @@ class Conservation:
             pole=pole,
             forces=forces,
         )
+
+    def _of_rigid(self, function: Callable[[System, Array, Array], Array]) -> Array:
+        """Return what rigid bodies with mass add to a quantity, from their states at the samples."""
+        run: Trajectory = self  # type: ignore[assignment]
+        states = rigid_bodies().states_in(accounts_of(run), self.system)
+        return np.concatenate([function(system, q, states[block]) for block, system, q, _ in self.blocks()])
 
     def _uniform_motion(self, q: Array, v: Array) -> diagnostics.Drift:
         """The drift of the centre of mass from uniform motion; q, v : (n, 3) at the start."""
@@ -293,6 +308,13 @@ class Conservation:
 
         scale = own_scale(values[0] if first is None else first, begin, largest)
         return diagnostics.drift(values, scale)
+
+
+def rigid_bodies() -> Any:
+    """Return the module of rigid bodies, which loads kernels and is needed by few runs."""
+    from orbits.system import rigid_bodies
+
+    return rigid_bodies
 
 
 def gm_of(system: System) -> Array:

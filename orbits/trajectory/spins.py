@@ -27,10 +27,14 @@ class Spins:
         system: System
 
     def spin(self, body: str) -> u.Quantity:
-        """Return the angular velocity of a body with `Tides` at each sample, shape (n, 3), in the axes of the system.
+        """Return the angular velocity of a rigid body, or of one with `Tides`, at each sample, shape (n, 3), in the
+        axes of the system.
 
         Raises InputError for another body, and for a trajectory that has only samples of a run.
         """
+        if body in self.system.rigid:
+            run: Trajectory = self  # type: ignore[assignment]
+            return run.angular_velocity(body)
         found = {force.source: k for k, force in self._spinning().items()}
         if body not in found:
             those = f"those with Tides, {few(sorted(found))}" if found else "a system with forces orbits.Tides(...)"
@@ -41,8 +45,14 @@ class Spins:
         """Return the sum of the angular momenta of the spins of all bodies with `Tides` at each sample, shape (n, 3).
 
         With it, the angular momentum of the massive bodies, `run.angular_momentum()`, keeps its first value. A spin
-        that is held, by inertia=math.inf, does not contribute. Zero without tides. Raises InputError as `spin` does.
+        that is held, by inertia=math.inf, does not contribute. Zero without tides. Raises InputError as `spin` does,
+        and for rigid bodies, whose spins are in `run.angular_momentum()` already.
         """
+        if self.system.rigid:
+            raise InputError(
+                "the spins of rigid bodies are in run.angular_momentum() already, and would be counted twice; "
+                f"run.spin(body) is the angular velocity of {few(list(self.system.rigid), 3)}."
+            )
         units, spinning = self.system.units, self._spinning()
         total = np.zeros((len(self), 3))  # type: ignore[arg-type]
         for k, force in spinning.items():

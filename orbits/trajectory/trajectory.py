@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +26,7 @@ from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import changes_of, identity_of, made_by
+from orbits.trajectory.attitudes import Attitudes
 from orbits.trajectory.changes import Changes, Leg, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
@@ -50,7 +52,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Trajectory(MarchedAgain, Conservation, Spins, Tabular):
+class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     """The samples of a run.
 
     system : the initial state, which also determines names, GM, units and epoch
@@ -376,11 +378,21 @@ class Trajectory(MarchedAgain, Conservation, Spins, Tabular):
         there = bodies.present[0] | ~self.system.massive
         return there, bodies.gm[0, there]
 
-    def plot(self, **options: Any) -> Any:
-        """Draw the paths; see `orbits.plotting.plot_trajectory`."""
-        from orbits.plotting import plot_trajectory
+    def plot(self, kind: str = "paths", **options: Any) -> Any:
+        """Return a picture of the run, a matplotlib Figure.
 
-        return plot_trajectory(self, **options)
+            run.plot()
+            run.plot("elements", elements=("a", "e", "pomega"), bodies=["Mercury"])
+            run.plot("resonance", resonance="3:1", planet="Jupiter")
+
+        kind : "paths", "elements", "phase", "resonance", "error", "energy" or "rotation"; see
+            `orbits.plotting.plot_run`
+        options : bodies, title, frame, and those of the kind
+        Raises UnknownNameError for another kind, InputError for what it does not take or cannot draw of this run.
+        """
+        from orbits.plotting import plot_run
+
+        return plot_run(self, kind, **options)
 
     def _some(self, samples: slice) -> Trajectory:
         try:
@@ -431,7 +443,11 @@ class Trajectory(MarchedAgain, Conservation, Spins, Tabular):
             bodies_then = self.changes.over(self.times)
             massless = ~self.system.massive  # those that are retired keep the radius that they had
             over = tuple(np.where(bodies_then.present | massless, x, np.nan) for x in bodies_then[1:])
-        return labelled_run(self.system, self.times, _as_array(self._q), _as_array(self._v), bodies, known, over)
+        samples = _as_array(self._q), _as_array(self._v)
+        found = labelled_run(self.system, self.times, *samples, bodies, known, over)
+        if not self.system.rigid or self._own_accounts() is None:
+            return found
+        return replace(found, variables={**found.variables, **self._labelled_attitudes(found.names)})
 
     def __reduce__(self) -> Any:
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
@@ -475,7 +491,8 @@ class Trajectory(MarchedAgain, Conservation, Spins, Tabular):
         gone = {"merged": self._merged(), "retired": len(self.retired)}
         lost = ", ".join(f"{count:,} {how}" for how, count in gone.items() if count)
         lost = f" ({lost})" if lost else ""
-        what = f"{len(self.names)} bodies{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
+        bodies = f"{len(self.names)} bod{'y' if len(self.names) == 1 else 'ies'}"
+        what = f"{bodies}{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
         if self.reached != self.last_time and (self.complete or self.has_stopped):
             what += f" of a run to {with_unit(f'{self.reached:.6g}', self.system.units.time)}"
         if count := self.excursions.total:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.system.model import given_bodies
+from orbits.system.rigid_body import RIGID
 
 if TYPE_CHECKING:
     from orbits.forces.base import Force
@@ -82,4 +83,5 @@ def effects(run: Trajectory) -> tuple[ForceEffect, ...]:
             known[:, k, 7 : 7 + force.variables],
         )
         for k, force in enumerate(run.system.forces)
+        if force.kind != RIGID  # which have a Lagrangian
     )

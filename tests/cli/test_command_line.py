@@ -19,7 +19,7 @@ from orbits.regression import PEERS
 from orbits.scenario import bundled
 from orbits.scenario.command import guarded
 
-COMMANDS = ["run", "resume", "compare", "certify", "plot", "info", "list"]
+COMMANDS = ["run", "resume", "compare", "certify", "plot", "view", "info", "list"]
 
 
 @pytest.fixture(autouse=True)

@@ -14,9 +14,9 @@ from ..problems import kepler
 
 
 def methods():
-    """The examples of every registered method."""
+    """The examples of every registered method of point masses."""
     for _, cls in sorted(registry().items()):
-        yield from cls.examples()
+        yield from (method for method in cls.examples() if method.serves(newtonian))
 
 
 def marcher(method, gm, q, v, h, *, threads=1):

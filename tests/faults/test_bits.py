@@ -10,7 +10,7 @@ METHODS = [
     method
     for _, cls in sorted(registry().items())
     for method in cls.examples()
-    if method.second_order.serves_particles
+    if method.second_order and method.second_order.serves_particles
 ]
 
 

@@ -182,3 +182,9 @@ def test_the_beta_of_a_grain_is_that_of_burns_lamy_and_soter():
     assert beta == pytest.approx(0.574 * 0.9 / 5.0, rel=2e-3)
     with pytest.raises(InputError, match="expected a length and a density"):
         orbits.RadiationPressure.beta_of_sphere(2 * u.yr, 1.0)
+
+
+def test_light_has_its_own_speed_in_physical_units():
+    star = orbits.System.from_states(["Sun"], gm=[1.3e20], q=[[0, 0, 0]], v=[[0, 0, 0]])
+    with pytest.raises(orbits.InputError, match=r"RadiationPressure: c is 2 AU / d, .*expected the speed of light"):
+        star.with_forces(orbits.RadiationPressure(beta=0.1, c=2.0))

@@ -13,6 +13,7 @@ from orbits.diagnostics.stepping import Bodies, StepMap
 from orbits.errors import InputError, RetiredWarning, UnknownNameError
 from orbits.integrators import registry
 from orbits.integrators.base import SYMPLECTIC
+from orbits.lagrangians.newtonian import newtonian
 from orbits.marching.tangent import Tangents
 from orbits.propagation.events.particles import stretches
 from orbits.propagation.marchers import bound
@@ -28,7 +29,7 @@ MAPS = [
     orbits.WisdomHolman(corrector2=True),
     orbits.WisdomHolman(kernel="standard", corrector=11),
 ]
-METHODS = [*(m for kind in registry().values() for m in kind.examples()), *MAPS]
+METHODS = [*(m for kind in registry().values() for m in kind.examples() if m.serves(newtonian)), *MAPS]
 HELIOCENTRIC = orbits.WisdomHolman(coordinates="democratic-heliocentric")
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences of eighth order
 

@@ -23,8 +23,8 @@ from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.command import changed
 
 STUDIES = [
-    *("arenstorf", "discrete_kepler", "figure_eight", "liouville", "outer_solar_system", "pendulum", "planetesimals"),
-    "pleiades",
+    *("arenstorf", "didymos", "discrete_kepler", "figure_eight", "hyperion", "liouville", "mercury_spin"),
+    *("outer_solar_system", "pendulum", "planetesimals", "pleiades"),
 ]
 
 
@@ -342,6 +342,19 @@ def test_each_bundled_study_that_takes_long_gives_all_that_it_demands(name, pict
     outcome = perform(load(name), out=tmp_path)
     assert outcome.ok, outcome.failures
     assert {path.name for path in outcome.files} == {*pictures, "report.json"}
+
+
+def test_the_flips_of_a_free_top_come_when_elliptic_functions_say(tmp_path, monkeypatch):
+    scenario = load("euler_top")
+    names = scenario.experiment.__globals__
+    for name, value in (("REVOLUTIONS", 1000), ("FEWER", 100), ("STARTS", 1)):
+        monkeypatch.setitem(names, name, value)
+    outcome = perform(scenario, out=tmp_path)
+    assert outcome.ok, outcome.failures
+    assert len(outcome.checks) == 7
+    assert {path.name for path in outcome.files} == {"euler_top.png", "euler_top_errors.png", "report.json"}
+    # The rounding of 6,000 radians is 7e-13.
+    assert outcome.result.tables[1].rows[0][-1] < 3e-12
 
 
 def test_the_gaps_of_the_belt_begin_to_open_in_twenty_thousand_years(tmp_path, monkeypatch):

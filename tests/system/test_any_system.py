@@ -97,6 +97,9 @@ USES: dict[str, Callable[[Any], Any]] = {
     "FartherThan": orbits.FartherThan,
     "EnergyErrorAbove": orbits.EnergyErrorAbove,
     "WallTimeOver": orbits.WallTimeOver,
+    "Heartbeat": orbits.Heartbeat,
+    "Heartbeat.to": lambda x: orbits.Heartbeat(60.0, to=x),
+    "wall_time": lambda x: orbits.propagate([], wall_time=x),
 }
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from orbits.errors import InputError
-from orbits.lagrangians.base import GRADIENTS, SEPARABLE, TIME_DEPENDENT
+from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, SEPARABLE, TIME_DEPENDENT
 from orbits.lagrangians.symbolic.printing import FUNCTIONS, GUARD, Printer
 
 HEADER = '''"""Made by orbits from a Lagrangian in SymPy; made anew when it is missing, not to be edited."""
@@ -34,6 +34,7 @@ class Formula:
 
     L : the expression; q, v : (d,) symbols or functions of t and their derivatives; t : symbol or None
     parameters : symbols, in the order of the parameter vector
+    constraints : expressions of q and the parameters that are 0 along motions
     """
 
     name: str
@@ -42,13 +43,15 @@ class Formula:
     v: tuple[Any, ...]
     t: Any
     parameters: tuple[Any, ...]
+    constraints: tuple[Any, ...] = ()
 
 
 def module_text(formula: Formula) -> str:
     """Return the module's source. Raises InputError for a Lagrangian that cannot be used, with the reason."""
     import sympy
 
-    L, q, v, t = _in_plain_symbols(formula)
+    q, v, t = _plain_symbols(formula)
+    L = _in_plain_symbols(formula, formula.L, q, v, t)
     _check_functions(formula.name, [L])
     f, p = [L.diff(x) for x in q], [L.diff(x) for x in v]
     d = len(q)
@@ -68,6 +71,7 @@ def module_text(formula: Formula) -> str:
         and t not in L.free_symbols
     )
     traits = [GRADIENTS, *([SEPARABLE] if separable else []), *([TIME_DEPENDENT] if t in L.free_symbols else [])]
+    traits += [CONSTRAINED] if formula.constraints else []
     text = [HEADER.format(traits=tuple(traits), d=d)]
     kernels = _Kernels(formula, q, v, t)
     text.append(kernels.value(L))
@@ -77,7 +81,40 @@ def module_text(formula: Formula) -> str:
         force = sympy.Matrix([sympy.simplify(x) if x.free_symbols & {*v, t} else x for x in f])
         g = list(mass.inv() * force)
         text.append(kernels.filling("accelerate", "parameters, q, out", {"out": g}))
+    if formula.constraints:
+        text += _constraints(formula, kernels, mass if separable else None)
     return "\n\n".join(text)
+
+
+def _constraints(formula: Formula, kernels: _Kernels, mass: Any) -> list[str]:
+    """Return the kernels of the constraints; mass : the constant matrix, None if L is not separable."""
+    import sympy
+
+    if mass is None:
+        raise InputError(
+            f"'{formula.name}' has constraints, but L = {formula.L} is not separable. Expected L = T(v) - U(q) with a "
+            "constant mass matrix: Cartesian coordinates, in which constraints need no others."
+        )
+    q, v, t = kernels.q, kernels.v, kernels.t
+    g = [_in_plain_symbols(formula, each, q, v, t) for each in formula.constraints]
+    for each, shown in zip(g, formula.constraints, strict=True):
+        moving = sorted(_shown(x) for x in each.free_symbols & {*v, t})
+        if moving or not each.free_symbols & {*q}:
+            what = f"depends on {', '.join(moving)}" if moving else "depends on no coordinate"
+            raise InputError(
+                f"'{formula.name}': the constraint {shown} {what}. Expected a function of the coordinates and the "
+                "parameters, 0 along motions, such as x**2 + y**2 - l**2."
+            )
+    _check_functions(formula.name, g)
+    G = sympy.Matrix([[each.diff(x) for x in q] for each in g])
+    W = (mass.inv() * G.T).T
+    second = [each.diff(a, b) for each in g for a in q for b in q]
+    _check_functions(formula.name, [*G, *second])
+    return [
+        f"CONSTRAINTS = {len(g)}",
+        kernels.filling("constraints", "parameters, q, out", {"out": [*g, *G, *W]}),
+        kernels.filling("constraint_hessians", "parameters, q, out", {"out": second}),
+    ]
 
 
 class _Kernels:
@@ -134,27 +171,35 @@ def _shown(part: Any) -> str:
     return str(part.xreplace({x: sympy.Symbol(x.name) for x in part.atoms(sympy.Dummy)}))
 
 
-def _in_plain_symbols(formula: Formula) -> tuple[Any, list[Any], list[Any], Any]:
-    """Return L with new symbols for coordinates, velocities and time, so that q may be given as functions of t."""
+def _plain_symbols(formula: Formula) -> tuple[list[Any], list[Any], Any]:
+    """Return new symbols for coordinates, velocities and time, so that q may be given as functions of t."""
     import sympy
 
     q = [sympy.Dummy(name_of(x)) for x in formula.q]
-    v = [sympy.Dummy(str(x)) for x in formula.v]
-    t = sympy.Dummy("t")
-    L = formula.L.xreplace(dict(zip(formula.v, v, strict=True))).xreplace(dict(zip(formula.q, q, strict=True)))
+    return q, [sympy.Dummy(str(x)) for x in formula.v], sympy.Dummy("t")
+
+
+def _in_plain_symbols(formula: Formula, expression: Any, q: list[Any], v: list[Any], t: Any) -> Any:
+    """Return L, or a constraint, in these symbols."""
+    import sympy
+
+    L = expression.xreplace(dict(zip(formula.v, v, strict=True))).xreplace(dict(zip(formula.q, q, strict=True)))
     if formula.t is not None:
         L = L.xreplace({formula.t: t})
+    what = "L" if expression is formula.L else f"the constraint {expression}"
     known = {*q, *v, t, *formula.parameters}
     unknown = sorted(str(x) for x in L.free_symbols - known)
     if unknown:
         raise InputError(
-            f"'{formula.name}': L mentions {', '.join(unknown)}, which {'is' if len(unknown) == 1 else 'are'} neither "
-            "coordinate, velocity, time nor parameter. Name it in q=, v= or t=, or give it a value in "
+            f"'{formula.name}': {what} mentions {', '.join(unknown)}, which {'is' if len(unknown) == 1 else 'are'} "
+            "neither coordinate, velocity, time nor parameter. Name it in q=, v= or t=, or give it a value in "
             f"parameters={{{unknown[0]}: 1.0}}."
         )
     if L.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo, -sympy.oo):
-        raise InputError(f"'{formula.name}': L contains complex or infinite values: {formula.L}; a Lagrangian is real")
-    return L, q, v, t
+        raise InputError(
+            f"'{formula.name}': {what} contains complex or infinite values: {expression}; a Lagrangian is real"
+        )
+    return L
 
 
 def _check_functions(name: str, expressions: Sequence[Any]) -> None:

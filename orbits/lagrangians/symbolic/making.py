@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from orbits.checks import finite_number
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
-from orbits.lagrangians.base import SEPARABLE, Compiled, Lagrangian, Motion, Symmetries, require_name
+from orbits.lagrangians.base import (
+    CONSTRAINED,
+    SEPARABLE,
+    Compiled,
+    Lagrangian,
+    Motion,
+    Rotor,
+    Symmetries,
+    require_name,
+)
 from orbits.lagrangians.symbolic.generation import Formula, module_text, name_of
 from orbits.lagrangians.symbolic.modules import digest, module
 
@@ -26,6 +36,7 @@ def from_sympy(
     example: Motion | None = None,
     symmetries: Symmetries = (),
     source: str = "",
+    constraints: Sequence[Any] = (),
 ) -> Lagrangian:
     """Return a Lagrangian from an expression in SymPy; its kernels are stored on disk for other processes.
 
@@ -33,17 +44,21 @@ def from_sympy(
     q, v : d coordinates and their velocities: symbols, or functions of t and their derivatives
     t : the time, if L depends on it; parameters : values by symbol
     symmetries : a list of them, or a function of the parameters' values by name that returns one
+    constraints : expressions of q and the parameters that are 0 along motions, or equations: x**2 + y**2 - l**2; L is
+        then separable, in coordinates that need no others, and marched by `orbits.Rattle()` and its compositions
 
     Raises InputError, with the reason, for invalid Lagrangians: symbols without a value, functions that cannot be
-    compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse.
+    compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse, constraints that depend on
+    velocities or time.
 
         q, v, g = sympy.symbols("q v g")
         pendulum = orbits.Lagrangian.from_sympy(v**2 / 2 + g * sympy.cos(q), q=[q], v=[v], parameters={g: 9.81})
     """
     formula = _checked(L, q, v, t, {} if parameters is None else parameters, name)
+    formula = replace(formula, constraints=_checked_constraints(constraints, name, len(formula.q)))
     import sympy
 
-    parts = ([formula.L], formula.q, formula.v, formula.parameters, [] if t is None else [t])
+    parts = ([formula.L], formula.q, formula.v, formula.parameters, [] if t is None else [t], formula.constraints)
     key = digest(name, repr([[sympy.srepr(x) for x in part] for part in parts]))
     compiled = _compiled(name, key, lambda: module_text(formula))
     names = [name_of(x) for x in formula.q]
@@ -57,6 +72,7 @@ def from_sympy(
         groups=symmetries,
         source=source,
         symbolic=lambda: formula,
+        constraints=tuple(str(g) for g in formula.constraints),
     )
 
 
@@ -69,11 +85,16 @@ def shipped(
     expression: Callable[[Sequence[Any], Sequence[Any], Any, Any], Any],
     example: Motion,
     symmetries: Symmetries = (),
+    rotors: tuple[Rotor, ...] = (),
     source_: str,
+    constraints: Sequence[str] = (),
+    constraint_expressions: Callable[[Sequence[Any], Any], Sequence[Any]] | None = None,
 ) -> Lagrangian:
     """Return a Lagrangian of this package; SymPy is loaded only if its kernels have never been made on this machine.
 
     expression : function (q, v, t, p) that returns L in SymPy; p has the parameters as attributes
+    constraints : the functions that are 0 along motions, for users; constraint_expressions : function (q, p) that
+        returns them in SymPy
     """
 
     def compile_() -> Compiled:
@@ -89,8 +110,10 @@ def shipped(
         v = sympy.symbols([f"v_{k}" for k in range(len(coordinates))])
         t = sympy.Symbol("t")
         p = {key: sympy.Symbol(f"p_{key}") for key in parameters}
-        L = sympy.sympify(expression(q, v, t, types.SimpleNamespace(**p)))
-        return Formula(name, L, tuple(q), tuple(v), t, tuple(p.values()))
+        named = types.SimpleNamespace(**p)
+        L = sympy.sympify(expression(q, v, t, named))
+        g = () if constraint_expressions is None else tuple(constraint_expressions(q, named))
+        return Formula(name, L, tuple(q), tuple(v), t, tuple(p.values()), g)
 
     return Lagrangian(
         name=name,
@@ -102,6 +125,8 @@ def shipped(
         groups=symmetries,
         source=source_,
         symbolic=in_sympy,
+        rotors=rotors,
+        constraints=tuple(constraints),
     )
 
 
@@ -111,6 +136,9 @@ def _compiled(name: str, key: str, write: Callable[[], str]) -> Compiled:
     kernels |= {what: getattr(made, what) for what in ("value", "gradients", "hessians")}
     if SEPARABLE in made.TRAITS:
         kernels["accelerate"] = kernels["accelerate_stages"] = made.accelerate
+    if CONSTRAINED in made.TRAITS:
+        kernels["constraint_count"] = made.CONSTRAINTS
+        kernels |= {what: getattr(made, what) for what in ("constraints", "constraint_hessians")}
     return Compiled(Tag(f"{name}-{key}", kernels), frozenset(made.TRAITS))
 
 
@@ -154,3 +182,29 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
                 f"'{name}': parameter {key} was declared to SymPy with a sign that {value!r} does not have"
             )
     return Formula(name, expression, tuple(q), tuple(v), t, tuple(parameters))
+
+
+def _checked_constraints(constraints: Any, name: str, d: int) -> tuple[Any, ...]:
+    """Return the functions that are 0 along motions; what they depend on is checked when kernels are made."""
+    import sympy
+
+    if isinstance(constraints, str) or not isinstance(constraints, Sequence):
+        raise InputError(
+            f"'{name}': constraints must be a list of SymPy expressions that are 0 along motions, such as "
+            f"[x**2 + y**2 - l**2]; got {shown(constraints)}"
+        )
+    found = []
+    for each in constraints:
+        g = each.lhs - each.rhs if isinstance(each, sympy.Equality) else each
+        if not isinstance(g, sympy.Expr):
+            raise InputError(
+                f"'{name}': the constraint {shown(each)} is no SymPy expression; expected one that is 0 along motions, "
+                "such as x**2 + y**2 - l**2"
+            )
+        found.append(g)
+    if len(found) >= d:
+        raise InputError(
+            f"'{name}': {len(found)} constraints on {d} coordinate{'s' * (d > 1)} leave nothing free to move; expected "
+            "fewer constraints than coordinates"
+        )
+    return tuple(found)

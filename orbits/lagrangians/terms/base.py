@@ -44,11 +44,6 @@ Vector = tuple[float, float, float]
 PARALLEL = 1e-14
 """Unit vectors whose cross product is not longer than this define the same axis."""
 
-SAME_SPEED = 1e-4
-"""The fraction by which a speed of light in physical units may differ from that of nature, as one that is rounded."""
-
-LIGHT_KM_S = 299792.458
-
 
 @dataclass(frozen=True, eq=False)
 class Summand:
@@ -209,22 +204,3 @@ def number(value: Any, what: str) -> float:
     if array.shape != () or not np.isfinite(array):
         raise InputError(f"{what} is {array.tolist()}; expected one finite number.")
     return float(array)
-
-
-def light_speed(term: Any, units: Any) -> float:
-    """Return c of a term in the units of a system. Raises InputError if it is missing, no speed, or, in physical units,
-    not that of light.
-    """
-    name = type(term).__name__
-    if term.c is None and not units.is_physical:
-        raise InputError(f"{name}: c is missing; {units.name} has no speed of light: give c=...")
-    c = float(units.speed_of_light if term.c is None else number(units.speed_value(term.c, "c"), "c"))
-    if not c > 0.0:
-        raise InputError(f"{name}: c is {c:g}; expected a speed > 0.")
-    if units.is_physical and abs(c / units.speed_of_light - 1.0) > SAME_SPEED:
-        got = f"{c / units.speed_of_light * LIGHT_KM_S:.9g} km/s"
-        raise InputError(
-            f"{name}: c is {c:.9g} {units.speed}, {got}; expected the speed of light, {LIGHT_KM_S} km/s. Leave out c, "
-            "or use units=orbits.DIMENSIONLESS, in which c may be any speed."
-        )
-    return c

@@ -16,23 +16,24 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from orbits.checks import pole_direction
+from orbits.checks import light_speed, pole_direction
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, rsqrt_cubed
+from orbits.kernels.lanes import rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
-from orbits.lagrangians.terms.base import Summand, Term, Vector, light_speed, number
-from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
+from orbits.lagrangians.terms.about_one_body import kernels_from
+from orbits.lagrangians.terms.base import Summand, Term, Vector, number
+from orbits.lagrangians.terms.pairs import add_differences, difference
 
 
 @kernel(inline=True)
-def _derivatives(softening2, own, r, w):
+def about(strength, own, gm, r, w):
     """Return the derivatives of k . (r x w) / r^3 with respect to r and w, six numbers."""
     x, y, z = r
     vx, vy, vz = w
     kx, ky, kz = own[1], own[2], own[3]
-    r2 = softening2 + x * x + y * y + z * z
+    r2 = strength[0] + x * x + y * y + z * z
     near3 = rsqrt_cubed(r2)
     px, py, pz = near3 * (ky * z - kz * y), near3 * (kz * x - kx * z), near3 * (kx * y - ky * x)
     bx, by, bz = vy * kz - vz * ky, vz * kx - vx * kz, vx * ky - vy * kx
@@ -40,29 +41,11 @@ def _derivatives(softening2, own, r, w):
     return near3 * (bx - inwards * x), near3 * (by - inwards * y), near3 * (bz - inwards * z), px, py, pz
 
 
-@kernel
-def value(strength, own, t, q, v):
-    """Return sum_i GM_i k . (r x w) / r^3."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    total = get(q, 0) * 0.0
-    for i in range(n):
-        if i != b:
-            r, w = difference(q, i, b, n), difference(v, i, b, n)
-            found = _derivatives(strength[0], own, r, w)
-            total = total + strength[1 + i] * (found[3] * w[0] + found[4] * w[1] + found[5] * w[2])
-    return total
-
-
-@kernel
-def gradients(strength, own, t, q, v, f, p):
-    """Add the forces to f and the momenta to p, with the reaction of the spinning body."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    for i in range(n):
-        if i != b:
-            found = _derivatives(strength[0], own, difference(q, i, b, n), difference(v, i, b, n))
-            gm = strength[1 + i]
-            add_with_reaction(f, (gm * found[0], gm * found[1], gm * found[2]), i, b, n)
-            add_with_reaction(p, (gm * found[3], gm * found[4], gm * found[5]), i, b, n)
+@kernel(inline=True)
+def part(strength, own, gm, r, w):
+    """Return the part of L of a body at r from the spinning one, with velocity w."""
+    found = about(strength, own, gm, r, w)
+    return gm * (found[3] * w[0] + found[4] * w[1] + found[5] * w[2])
 
 
 @kernel
@@ -93,29 +76,7 @@ def hessians(strength, own, t, q, v, out):
                     add_differences(out, d * d, near3 * (turn - 3.0 * ra * mc), a, c, i, b, n)
 
 
-@kernel(inline=True)
-def about(strength, own, gm, r, w):
-    """Return the derivatives of a pair's part of L, per GM of the other body, with respect to r and w, six numbers."""
-    return _derivatives(strength[0], own, r, w)
-
-
-@kernel
-def particle_gradients(strength, own, t, sources, speeds, place, velocity):
-    """Return the force and the momentum per unit mass."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    return _derivatives(strength[0], own, separation(place, sources, b, n), separation(velocity, speeds, b, n))
-
-
-TAG = Tag(
-    "frame-dragging",
-    {
-        "value": value,
-        "gradients": gradients,
-        "hessians": hessians,
-        "particle_gradients": particle_gradients,
-        "about": about,
-    },
-)
+TAG = Tag("frame-dragging", kernels_from(part, about, hessians))
 
 
 def frame_dragging(row: int, k: Vector) -> Summand:

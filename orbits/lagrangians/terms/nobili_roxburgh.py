@@ -17,51 +17,29 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from orbits.checks import light_speed
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
-from orbits.lagrangians.terms.base import Summand, Term, light_speed
-from orbits.lagrangians.terms.pairs import (
-    add_differences,
-    add_with_reaction,
-    difference,
-    dot,
-    put_acceleration,
-    put_reaction,
-    separation,
-)
+from orbits.lagrangians.terms.about_one_body import kernels_from
+from orbits.lagrangians.terms.base import Summand, Term
+from orbits.lagrangians.terms.pairs import add_differences, difference, dot
 
 
 @kernel(inline=True)
-def _acceleration(strength, own, gm, d):
-    """Return the acceleration of a body with this GM at d from the source."""
-    mu, r2 = strength[1 + int(own[0])], strength[0] + dot(d, d)
+def part(strength, own, gm, r, w):
+    """Return the part of L of a body at r from the source."""
+    mu = strength[1 + int(own[0])]
+    return 3.0 * (own[1] * (gm * (mu * (mu + gm)))) / (strength[0] + dot(r, r))
+
+
+@kernel(inline=True)
+def about(strength, own, gm, r, w):
+    """Return the acceleration at r from the source, and zeros for the momentum."""
+    mu, r2 = strength[1 + int(own[0])], strength[0] + dot(r, r)
     f = -6.0 * (own[1] * (mu * (mu + gm))) / (r2 * r2)
-    return f * d[0], f * d[1], f * d[2]
-
-
-@kernel
-def value(strength, own, t, q, v):
-    """Return the sum over pairs with the source."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    mu, total = strength[1 + b], get(q, 0) * 0.0
-    for i in range(n):
-        if i != b:
-            d, gm = difference(q, i, b, n), strength[1 + i]
-            total = total + 3.0 * (own[1] * (gm * (mu * (mu + gm)))) / (strength[0] + dot(d, d))
-    return total
-
-
-@kernel
-def gradients(strength, own, t, q, v, f, p):
-    """Add the forces, and the reaction on the source, to f."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    for i in range(n):
-        if i != b:
-            gm = strength[1 + i]
-            ax, ay, az = _acceleration(strength, own, gm, difference(q, i, b, n))
-            add_with_reaction(f, (gm * ax, gm * ay, gm * az), i, b, n)
+    none = f * 0.0
+    return f * r[0], f * r[1], f * r[2], none, none, none
 
 
 @kernel
@@ -80,58 +58,7 @@ def hessians(strength, own, t, q, v, out):
                     add_differences(out, 0, f * (same - 4.0 * d[a] * d[c] / r2), a, c, i, b, n)
 
 
-@kernel
-def accelerate_some(strength, own, q, out, start, stop):
-    """Add the accelerations of bodies start ... stop - 1; that of the source is due to all others."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    whole = start <= b < stop
-    bx, by, bz = get(q, 0) * 0.0, get(q, 0) * 0.0, get(q, 0) * 0.0
-    for i in range(0 if whole else start, n if whole else stop):
-        if i != b:
-            gm = strength[1 + i]
-            ax, ay, az = _acceleration(strength, own, gm, difference(q, i, b, n))
-            bx, by, bz = bx + gm * ax, by + gm * ay, bz + gm * az
-            if start <= i < stop:
-                put_acceleration(out, (ax, ay, az), i, n)
-    if whole:
-        put_reaction(out, (bx, by, bz), 1.0 / strength[1 + b], b, n)
-
-
-@kernel
-def field(strength, own, sources, x, y, z):
-    """Return the acceleration of a massless particle at (x, y, z)."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    return _acceleration(strength, own, 0.0, separation((x, y, z), sources, b, n))
-
-
-@kernel(inline=True)
-def about(strength, own, gm, r, w):
-    """Return the acceleration at r from the source, and zeros for the momentum."""
-    fx, fy, fz = _acceleration(strength, own, gm, r)
-    none = fx * 0.0
-    return fx, fy, fz, none, none, none
-
-
-@kernel
-def particle_gradients(strength, own, t, sources, speeds, place, velocity):
-    """Return the force per unit mass, and zeros for the momentum."""
-    fx, fy, fz = field(strength, own, sources, place[0], place[1], place[2])
-    none = fx * 0.0
-    return fx, fy, fz, none, none, none
-
-
-TAG = Tag(
-    "nobili-roxburgh",
-    {
-        "value": value,
-        "gradients": gradients,
-        "hessians": hessians,
-        "accelerate_some": accelerate_some,
-        "field": field,
-        "particle_gradients": particle_gradients,
-        "about": about,
-    },
-)
+TAG = Tag("nobili-roxburgh", kernels_from(part, about, hessians, static=True))
 
 
 def nobili_roxburgh(row: int, c: float) -> Summand:

@@ -32,14 +32,16 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from orbits.body_names import few
+from orbits.checks import light_speed
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, rsqrt_cubed
+from orbits.kernels.lanes import rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES
-from orbits.lagrangians.terms.base import Summand, Term, light_speed
+from orbits.lagrangians.terms.about_one_body import kernels_from
+from orbits.lagrangians.terms.base import Summand, Term
 from orbits.lagrangians.terms.einstein_infeld_hoffmann import einstein_infeld_hoffmann
-from orbits.lagrangians.terms.pairs import add_differences, add_with_reaction, difference, separation
+from orbits.lagrangians.terms.pairs import add_differences, difference
 
 TOO_STRONG = 1e-2
 """The largest (v/c)^2 for which the first order is taken."""
@@ -67,32 +69,15 @@ def about(strength, own, gm, r, w):
     return _derivatives(r2, M, own[1] * (source / M), r, w)
 
 
-@kernel
-def value(strength, own, t, q, v):
-    """Return the sum over pairs with the source."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    total = get(q, 0) * 0.0
-    for i in range(n):
-        if i != b:
-            (x, y, z), (vx, vy, vz) = difference(q, i, b, n), difference(v, i, b, n)
-            M = strength[1 + i] + strength[1 + b]
-            r2 = strength[0] + x * x + y * y + z * z
-            v2, depth = vx * vx + vy * vy + vz * vz, M * rsqrt_cubed(r2) * r2
-            size = own[1] * (strength[1 + i] * (strength[1 + b] / M))
-            total = total + size * (v2 * (0.125 * v2 + 1.5 * depth) - 0.5 * depth * depth)
-    return total
-
-
-@kernel
-def gradients(strength, own, t, q, v, f, p):
-    """Add the forces to f and the momenta to p, with the reaction of the source."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    for i in range(n):
-        if i != b:
-            gm = strength[1 + i]
-            fx, fy, fz, px, py, pz = about(strength, own, gm, difference(q, i, b, n), difference(v, i, b, n))
-            add_with_reaction(f, (gm * fx, gm * fy, gm * fz), i, b, n)
-            add_with_reaction(p, (gm * px, gm * py, gm * pz), i, b, n)
+@kernel(inline=True)
+def part(strength, own, gm, r, w):
+    """Return the part of L of a body at r from the source, with velocity w."""
+    source = strength[1 + int(own[0])]
+    M = gm + source
+    r2 = strength[0] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    v2, depth = w[0] * w[0] + w[1] * w[1] + w[2] * w[2], M * rsqrt_cubed(r2) * r2
+    size = own[1] * (gm * (source / M))
+    return size * (v2 * (0.125 * v2 + 1.5 * depth) - 0.5 * depth * depth)
 
 
 @kernel
@@ -118,23 +103,7 @@ def hessians(strength, own, t, q, v, out):
                     add_differences(out, 2 * d * d, size * w[a] * w[c] + inert * same, a, c, i, b, n)
 
 
-@kernel
-def particle_gradients(strength, own, t, sources, speeds, place, velocity):
-    """Return the force and the momentum per unit mass."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    return about(strength, own, 0.0, separation(place, sources, b, n), separation(velocity, speeds, b, n))
-
-
-TAG = Tag(
-    "post-newtonian",
-    {
-        "value": value,
-        "gradients": gradients,
-        "hessians": hessians,
-        "particle_gradients": particle_gradients,
-        "about": about,
-    },
-)
+TAG = Tag("post-newtonian", kernels_from(part, about, hessians))
 
 
 def post_newtonian(row: int, c: float) -> Summand:

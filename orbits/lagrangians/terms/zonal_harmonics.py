@@ -24,17 +24,11 @@ from orbits.checks import pole_direction
 from orbits.errors import InputError, with_unit
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import get, rsqrt_cubed
+from orbits.kernels.lanes import rsqrt_cubed
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
+from orbits.lagrangians.terms.about_one_body import kernels_from
 from orbits.lagrangians.terms.base import Summand, Term, Vector, number
-from orbits.lagrangians.terms.pairs import (
-    add_differences,
-    add_with_reaction,
-    difference,
-    put_acceleration,
-    put_reaction,
-    separation,
-)
+from orbits.lagrangians.terms.pairs import add_differences, difference
 
 HARMONICS = 4
 """The index of J_2 R^2 in the parameters."""
@@ -78,55 +72,12 @@ def _acceleration(own, mu, r2, x, y, z):
     return along * x + towards * own[1], along * y + towards * own[2], along * z + towards * own[3]
 
 
-@kernel
-def value(strength, own, t, q, v):
-    """Return -sum_i GM_i V(q_i - q_b)."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    total = get(q, 0) * 0.0
-    for i in range(n):
-        if i != b:
-            x, y, z = difference(q, i, b, n)
-            r2 = strength[0] + x * x + y * y + z * z
-            along = own[1] * x + own[2] * y + own[3] * z
-            total = total - strength[1 + i] * _potential(own, strength[1 + b], r2, along)
-    return total
-
-
-@kernel
-def gradients(strength, own, t, q, v, f, p):
-    """Add the forces, and the reaction on the body, to f."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    for i in range(n):
-        if i != b:
-            x, y, z = difference(q, i, b, n)
-            ax, ay, az = _acceleration(own, strength[1 + b], strength[0] + x * x + y * y + z * z, x, y, z)
-            gm = strength[1 + i]
-            add_with_reaction(f, (gm * ax, gm * ay, gm * az), i, b, n)
-
-
-@kernel
-def accelerate_some(strength, own, q, out, start, stop):
-    """Add the accelerations of bodies start ... stop - 1; those of the flattened body are due to all others."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    whole = start <= b < stop
-    bx, by, bz = get(q, 0) * 0.0, get(q, 0) * 0.0, get(q, 0) * 0.0
-    for i in range(0 if whole else start, n if whole else stop):
-        if i != b:
-            x, y, z = difference(q, i, b, n)
-            ax, ay, az = _acceleration(own, strength[1 + b], strength[0] + x * x + y * y + z * z, x, y, z)
-            bx, by, bz = bx + strength[1 + i] * ax, by + strength[1 + i] * ay, bz + strength[1 + i] * az
-            if start <= i < stop:
-                put_acceleration(out, (ax, ay, az), i, n)
-    if whole:
-        put_reaction(out, (bx, by, bz), 1.0 / strength[1 + b], b, n)
-
-
-@kernel
-def field(strength, own, sources, x, y, z):
-    """Return the acceleration of a massless particle at (x, y, z)."""
-    n, b = strength.shape[0] - 1, int(own[0])
-    dx, dy, dz = separation((x, y, z), sources, b, n)
-    return _acceleration(own, strength[1 + b], strength[0] + dx * dx + dy * dy + dz * dz, dx, dy, dz)
+@kernel(inline=True)
+def part(strength, own, gm, r, w):
+    """Return the part of L of a body at r from the flattened one."""
+    x, y, z = r
+    r2 = strength[0] + x * x + y * y + z * z
+    return -(gm * _potential(own, strength[1 + int(own[0])], r2, own[1] * x + own[2] * y + own[3] * z))
 
 
 @kernel(inline=True)
@@ -134,14 +85,6 @@ def about(strength, own, gm, r, w):
     """Return the acceleration at r from the body, and zeros for the momentum."""
     r2 = strength[0] + r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     fx, fy, fz = _acceleration(own, strength[1 + int(own[0])], r2, r[0], r[1], r[2])
-    none = fx * 0.0
-    return fx, fy, fz, none, none, none
-
-
-@kernel
-def particle_gradients(strength, own, t, sources, speeds, place, velocity):
-    """Return the force per unit mass, and zeros for the momentum."""
-    fx, fy, fz = field(strength, own, sources, place[0], place[1], place[2])
     none = fx * 0.0
     return fx, fy, fz, none, none, none
 
@@ -190,18 +133,7 @@ def hessians(strength, own, t, q, v, out):
                     add_differences(out, 0, -(scale * bent), a, c, i, b, n)
 
 
-TAG = Tag(
-    "zonal-harmonics",
-    {
-        "value": value,
-        "gradients": gradients,
-        "hessians": hessians,
-        "accelerate_some": accelerate_some,
-        "field": field,
-        "particle_gradients": particle_gradients,
-        "about": about,
-    },
-)
+TAG = Tag("zonal-harmonics", kernels_from(part, about, hessians, static=True))
 
 
 def zonal_harmonics(row: int, radius: float, pole: Vector, harmonics: dict[int, float]) -> Summand:

@@ -1,0 +1,123 @@
+"""Clones of a body whose orbit is uncertain, drawn from the covariance of its state or its elements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.checks import finite_numbers, whole_number
+from orbits.ensemble.members import Ensemble, Systems, among, numbered
+from orbits.errors import InputError, shown
+from orbits.system import System
+from orbits.system.new_bodies import primary_name
+
+Floats = NDArray[np.float64]
+
+NEGATIVE = 1e-9
+"""The largest share of the largest eigenvalue by which rounding may make one of a covariance negative, after it was
+scaled to correlations."""
+
+
+def clones(
+    system: System,
+    body: str,
+    *,
+    covariance: Any,
+    count: int,
+    seed: int = 0,
+    elements: Mapping[str, Any] | None = None,
+    primary: str | None = None,
+    frame: str | None = None,
+) -> Ensemble:
+    """Return an ensemble of a body and its clones, drawn from the normal distribution of its uncertain orbit.
+
+        orbits.ensemble.clones(system, "Apophis", covariance=C, count=10_000, seed=1)
+        orbits.ensemble.clones(system, "Apophis", covariance=C, count=10_000, seed=1, primary="Sun", elements={
+            "e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg})  # as in JPL's database
+
+    covariance : (6, 6), symmetric, of x, y, z, vx, vy, vz in the units and axes of the system; or of `elements`
+    count : of the clones; the first member is the body itself, on its nominal orbit
+    seed : of the random numbers: the same seed draws the same clones, and more of them begin with the same ones
+    elements : six elements as in `System.add`, in the order of the rows, and the unit of each (1 for none)
+    primary, frame : of the elements, as in `System.elements`
+
+    A massless body is cloned among the same other bodies. Of one with mass, each clone is a system of its own, in which
+    the other bodies begin as they are. Raises InputError for a covariance that is none, UnknownNameError for a body or
+    an element that does not exist.
+    """
+    if not isinstance(system, System):
+        raise InputError(f"system is {shown(system)}; expected an orbits.System with the body to be cloned.")
+    place, count = system.index(body), whole_number(count, "count")
+    seed = whole_number(seed, "seed", least=0)
+    deviations = np.vstack([np.zeros(6), drawn(covariance, count, seed)])
+    name = system.names[place]
+    names = [name, *(f"{name} clone {k}" for k in numbered("", count))]
+    gm = float(system.values.gm[place])
+    if elements is None:
+        q, v = system.values.q[place] + deviations[:, :3], system.values.v[place] + deviations[:, 3:]
+        others = None if gm else system.remove(name)
+    else:
+        others = system.remove(name)
+        around = primary_name(others.names, others.values.gm, primary)
+        own = _elements(system, name, elements, around, frame, deviations)
+        placed = others.add(names, primary=around, frame=frame, gm=gm, **own) if gm else None
+        placed = placed or others.add(names, primary=around, frame=frame, **own)
+        q, v = placed.values.q[len(others) :].copy(), placed.values.v[len(others) :].copy()
+        q[0], v[0] = system.values.q[place], system.values.v[place]
+    if gm == 0.0:
+        assert others is not None  # a system has at least one massive body
+        radius = {} if system.radii is None else {"radius": system.radii[place]}
+        whole = others.add(names, q=q, v=v, **radius)
+        return among(others, whole, np.arange(len(others), len(whole)))
+    return Systems(names, "systems", members=[_moved(system, place, *state) for state in zip(q, v, strict=True)])
+
+
+def drawn(covariance: Any, count: int, seed: int) -> Floats:
+    """Return `count` deviations (count, 6) of a normal distribution. Raises InputError unless its covariance is one."""
+    matrix = finite_numbers(covariance, "covariance")
+    if matrix.shape != (6, 6):
+        raise InputError(f"covariance has shape {matrix.shape}; expected (6, 6), of a state or of six elements.")
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    sized = np.outer(scale, scale)
+    if (np.diag(matrix) < 0.0).any() or (np.abs(matrix - matrix.T) > 1e-9 * sized).any():
+        raise InputError("covariance is not symmetric with variances >= 0 on its diagonal; expected a covariance.")
+    factors = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(factors, factors))
+    if values.min() < -NEGATIVE * max(values.max(), 0.0):
+        raise InputError(
+            f"covariance has a negative eigenvalue, {values.min():.3g} of its correlations; expected a covariance. "
+            "Were digits lost when it was copied?"
+        )
+    normal = np.random.default_rng(seed).standard_normal((count, 6))
+    return np.asarray((normal * np.sqrt(np.maximum(values, 0.0))) @ vectors.T * factors)
+
+
+def _elements(
+    system: System, name: str, units: Mapping[str, Any], primary: str, frame: str | None, deviations: Floats
+) -> dict[str, Any]:
+    """Return the elements of the body and of its clones, (members,) each."""
+    if not isinstance(units, Mapping) or len(units) != 6:
+        raise InputError(
+            f"elements is {shown(units)}; expected six, in the order of the rows, and the unit of each: "
+            '{"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg}'
+        )
+    found = system.elements(primary=primary, frame=frame)[name]
+    own, known = {}, found.keys()
+    for k, (key, unit) in enumerate(units.items()):
+        if key not in known:
+            raise InputError(f"there is no element {shown(key)}; expected some of {', '.join(known)}.")
+        unit = u.dimensionless_unscaled if unit == 1 else u.Unit(unit)
+        value = getattr(found, key).to(unit, u.dimensionless_angles())
+        own[key] = value + u.Quantity(deviations[:, k], unit)
+    return own
+
+
+def _moved(system: System, place: int, q: Floats, v: Floats) -> System:
+    values = system.values
+    places, speeds = values.q.copy(), values.v.copy()
+    places[place], speeds[place] = q, v
+    return system.replaced(q=places, v=speeds)

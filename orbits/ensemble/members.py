@@ -1,0 +1,423 @@
+"""The members of an ensemble, and the parts of it that workers integrate."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import checked_names
+from orbits.catalogue import Catalogue
+from orbits.errors import InputError, OrbitsError, shown
+from orbits.system import System
+
+Floats = NDArray[np.float64]
+
+SAMPLE = 17
+"""Members of a sample: two registers of eight, and one member more."""
+
+TRIED = 1000
+"""The points of a grid for which its function may fail before the whole is refused."""
+
+MOST = 10**8
+"""The most members of an ensemble: their names and results must fit in memory."""
+
+
+class Part(Protocol):
+    """Some consecutive members, as they are sent to a worker: small, and picklable."""
+
+    @property
+    def massless(self) -> bool:
+        """Whether the members are massless bodies of one system; otherwise each is a system of its own."""
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+
+    def system(self) -> System:
+        """Return the system of which the members are massless bodies, the last ones."""
+
+    def systems(self) -> list[System | OrbitsError]:
+        """Return the system of each member, or the error of one that cannot be made."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """Members to be integrated. Made by `particles`, `clones`, `grid` and `systems` of `orbits.ensemble`.
+
+    names : of the members, all different
+    kind : "particles", massless bodies among the same massive ones, or "systems"
+    columns : what is known of the members beforehand, such as the parameters of a grid: by name, (members,) each
+    axes : of a grid, by name; the members are its points, the last axis varying fastest
+    """
+
+    names: Sequence[str]
+    kind: str = ""
+    columns: Mapping[str, Any] = field(default_factory=dict)
+    axes: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def part(self, first: int, last: int) -> Part:
+        """Return the members from `first` up to `last`, without it."""
+        raise NotImplementedError
+
+    def sample(self) -> Part:
+        """Return a few members, with which options are checked and kernels compiled. Raises if none can be made."""
+        return self.part(0, min(SAMPLE, len(self)))
+
+    def identity(self) -> dict[str, str]:
+        """Return what the results depend on, by its name in messages."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        shape = " x ".join(f"{len(values)} {name}" for name, values in self.axes.items())
+        return f"Ensemble({len(self):,} {self.kind}{': ' * bool(shape)}{shape})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Particles(Ensemble):
+    """Massless bodies among the bodies of one system; q, v (members, 3) in its units, radii (members,) or None."""
+
+    bodies: System | None = None
+    q: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    v: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    radii: Floats | None = None
+
+    def part(self, first: int, last: int) -> Part:
+        """Return the members from `first` up to `last`, without it."""
+        assert self.bodies is not None
+        some = slice(first, last)
+        radii = None if self.radii is None else self.radii[some]
+        return ParticlesPart(self.bodies, tuple(self.names[some]), self.q[some], self.v[some], radii)
+
+    def identity(self) -> dict[str, str]:
+        """Return what the results depend on, by its name in messages."""
+        assert self.bodies is not None
+        return {
+            "kind": self.kind,
+            "members": f"{len(self):,}",
+            "bodies": described(self.bodies),
+            "names of the members": digest("\n".join(self.names)),
+            "starts of the members": digest(self.q, self.v, self.radii),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class ParticlesPart:
+    """Massless bodies and the system to which they are added."""
+
+    bodies: System
+    names: tuple[str, ...]
+    q: Floats
+    v: Floats
+    radii: Floats | None
+
+    massless = True
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.names)
+
+    def system(self) -> System:
+        """Return the bodies with these at the end."""
+        radius: dict[str, Any] = {} if self.radii is None else {"radius": self.radii}
+        return self.bodies.add(self.names, q=self.q, v=self.v, **radius)
+
+    def systems(self) -> list[System | OrbitsError]:
+        """Return the system of each member alone."""
+        return [self.system()]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Systems(Ensemble):
+    """Systems that were made beforehand."""
+
+    members: Sequence[System] = ()
+
+    def part(self, first: int, last: int) -> Part:
+        """Return the members from `first` up to `last`, without it."""
+        return SystemsPart(tuple(self.members[first:last]))
+
+    def sample(self) -> Part:
+        """Return the first member."""
+        return self.part(0, 1)
+
+    def identity(self) -> dict[str, str]:
+        """Return what the results depend on, by its name in messages."""
+        return {
+            "kind": self.kind,
+            "members": f"{len(self):,}",
+            "names of the members": digest("\n".join(self.names)),
+            "systems": digest("\n".join(described(one) for one in self.members)),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class SystemsPart:
+    """Systems that were made beforehand."""
+
+    members: tuple[System, ...]
+
+    massless = False
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.members)
+
+    def system(self) -> System:
+        """Return the first one."""
+        return self.members[0]
+
+    def systems(self) -> list[System | OrbitsError]:
+        """Return them."""
+        return list(self.members)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Made(Ensemble):
+    """Systems that a function makes on the workers, from the parameters of each member."""
+
+    make: Callable[..., System] | None = None
+
+    def part(self, first: int, last: int) -> Part:
+        """Return the members from `first` up to `last`, without it."""
+        assert self.make is not None
+        some = {name: values[first:last] for name, values in self.columns.items()}
+        points = tuple(dict(zip(some, values, strict=True)) for values in zip(*some.values(), strict=True))
+        return MadePart(self.make, points)
+
+    def sample(self) -> Part:
+        """Return the first member that can be made. Raises InputError if the function fails for all of the first."""
+        failures = []
+        for k in range(min(len(self), TRIED)):
+            part = self.part(k, k + 1)
+            try:
+                part.system()
+            except OrbitsError as error:
+                failures.append(error)
+            else:
+                return part
+        raise failures[0]
+
+    def identity(self) -> dict[str, str]:
+        """Return what the results depend on, by its name in messages: of the function its name and its code."""
+        points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
+        return {
+            "kind": self.kind,
+            "members": f"{len(self):,}",
+            "function": f"{getattr(self.make, '__qualname__', type(self.make).__name__)}, {_code(self.make)}",
+            "points": digest(points),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class MadePart:
+    """A function, and what it is called with for each member."""
+
+    make: Callable[..., System]
+    points: tuple[dict[str, Any], ...]
+
+    massless = False
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.points)
+
+    def system(self) -> System:
+        """Return the first one. Raises InputError if the function fails."""
+        return self._made(self.points[0])
+
+    def systems(self) -> list[System | OrbitsError]:
+        """Return the system of each member, or the error of one that cannot be made."""
+        made: list[System | OrbitsError] = []
+        for point in self.points:
+            try:
+                made.append(self._made(point))
+            except OrbitsError as error:
+                made.append(error)
+        return made
+
+    def _made(self, point: dict[str, Any]) -> System:
+        try:
+            system = self.make(**point)
+        except OrbitsError:
+            raise
+        except Exception as error:
+            why = f"{type(error).__name__}: {error}"
+            raise InputError(f"the function of the grid fails for {_named(point)}: {why}") from error
+        if not isinstance(system, System):
+            raise InputError(f"the function of the grid returned {shown(system)}; expected an orbits.System.")
+        return system
+
+
+def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False) -> Ensemble:
+    """Return an ensemble of massless particles among the same bodies.
+
+        orbits.ensemble.particles(planets, orbits.asteroids(100_000))
+        orbits.ensemble.particles(planets.add_particles(catalogue))        # those that a system has already
+        orbits.ensemble.particles(planets, {"q": q, "v": v})               # (n, 3) each, about the origin
+
+    bodies : a `System`; all its bodies go into each block, where massless ones of it are integrated along
+    members : a catalogue; a `System` with massless bodies; or a mapping with positions q and velocities v, (n, 3), as
+        quantities or in the units of the system, and optionally names
+    propagate_to_epoch : of a catalogue, as in `System.add_particles`
+
+    Particles do not influence each other. Raises InputError for no members, and as `System.add` and `add_particles` do.
+    """
+    if not isinstance(bodies, System):
+        raise InputError(f"bodies is {shown(bodies)}; expected an orbits.System, among whose bodies the members move.")
+    if isinstance(members, System):
+        return among(bodies, members, np.flatnonzero(~members.massive))
+    if isinstance(members, Catalogue):
+        whole = bodies.add_particles(members, propagate_to_epoch=propagate_to_epoch)
+        return among(bodies, whole, np.arange(len(bodies), len(whole)))
+    if not isinstance(members, Mapping) or not {"q", "v"} <= set(members) <= {"q", "v", "names"}:
+        raise InputError(
+            f"members is {shown(members)}; expected a catalogue such as orbits.asteroids(1000), a System with massless "
+            'bodies, or positions and velocities: {"q": q, "v": v}, (n, 3) each, and names if they have any.'
+        )
+    count = np.shape(members["q"])[0] if np.ndim(members["q"]) == 2 else 0
+    if not count:
+        raise InputError(f"q has shape {np.shape(members['q'])}; expected the positions of n members, (n, 3).")
+    names = checked_names(members.get("names") or numbered("p", count))
+    whole = bodies.add(names, q=members["q"], v=members["v"])
+    return among(bodies, whole, np.arange(len(bodies), len(whole)))
+
+
+def among(bodies: System, whole: System, rows: NDArray[np.intp], **known: Any) -> Particles:
+    """Return the ensemble of some bodies of `whole`, which are massless, among `bodies`."""
+    if not len(rows):
+        raise InputError("the ensemble has no members; expected at least one massless body.")
+    values, radii = whole.values, None if whole.radii is None else whole.radii.value[rows]
+    names = [whole.names[k] for k in rows]
+    kept = bodies
+    if taken := set(names) & set(bodies.names):
+        kept = bodies.remove(*(name for name in bodies.names if name in taken))
+    return Particles(names, "particles", bodies=kept, q=values.q[rows], v=values.v[rows], radii=radii, **known)
+
+
+def systems(members: Iterable[System], *, names: Sequence[str] | None = None) -> Ensemble:
+    """Return an ensemble of systems, each integrated by itself.
+
+    members : systems; those of equal shape are marched eight at a time
+    names : of the members; by default their numbers
+    Raises InputError for no members, for anything but systems, and for names that occur twice.
+    """
+    if isinstance(members, System | str | Mapping) or not isinstance(members, Iterable):
+        raise InputError(f"members is {shown(members)}; expected a list of orbits.System.")
+    made = list(members)
+    for k, one in enumerate(made):
+        if not isinstance(one, System):
+            raise InputError(f"members[{k}] is {shown(one)}; expected an orbits.System.")
+    if not made:
+        raise InputError("the ensemble has no members; expected at least one System.")
+    own = checked_names(numbered("", len(made)) if names is None else names)
+    if len(own) != len(made):
+        raise InputError(f"there are {len(own)} names for {len(made)} systems; expected one for each.")
+    return Systems(own, "systems", members=made)
+
+
+def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
+    """Return an ensemble over all points of a grid: of elements, or of the parameters of a function.
+
+        orbits.ensemble.grid(planets, primary="Sun", a=np.linspace(2, 3.5, 300) * u.au, e=np.linspace(0, 0.5, 200))
+        orbits.ensemble.grid(make_system, mass=np.geomspace(1e-5, 1e-3, 40), e=np.linspace(0, 0.3, 30))
+
+    what : a `System`: the members are massless bodies among its bodies, with these arguments of `System.add`; or a
+        function that makes a `System` from one value of each parameter. It is called on the workers, and must be
+        written in a file for processes
+    given : each axis by its name, a sequence or an array (m,); a single value is the same for all members
+
+    The last axis varies fastest. Raises InputError for a grid without an axis, or with an empty one; for a `System` as
+    `System.add` does.
+    """
+    axes = {name: values for name, values in given.items() if not isinstance(values, str) and np.ndim(values)}
+    for name, values in axes.items():
+        if np.ndim(values) != 1 or not len(values):
+            raise InputError(f"{name} has shape {np.shape(values)}; expected the values of an axis, (m,), one or more.")
+    if not axes:
+        raise InputError("the grid has no axes; expected values by name, such as e=np.linspace(0, 0.5, 50).")
+    shape = [len(values) for values in axes.values()]
+    if math.prod(shape) > MOST:
+        raise InputError(f"the grid has {math.prod(shape):.3g} points; at most {MOST:.0e} are possible.")
+    fixed = {name: value for name, value in given.items() if name not in axes}
+    places = np.unravel_index(np.arange(math.prod(shape)), shape)
+    columns = {name: _at(values, k) for (name, values), k in zip(axes.items(), places, strict=True)}
+    known = {name: value for name, value in axes.items() if not isinstance(value, list | tuple)}
+    known = {name: known.get(name, np.asarray(value)) for name, value in axes.items()}
+    names = ["-".join(map(str, k)) for k in itertools.product(*map(range, shape))]
+    if isinstance(what, System):
+        whole = what.add([f"grid {name}" for name in names], **columns, **fixed)
+        return among(what, whole, np.arange(len(what), len(whole)), columns=columns, axes=known)
+    if not callable(what):
+        raise InputError(f"{shown(what)} is neither a System nor a function that makes one.")
+    columns |= {name: _constant(value, len(names)) for name, value in fixed.items()}
+    return Made(names, "systems", columns=columns, axes=known, make=what)
+
+
+def numbered(stem: str, count: int) -> list[str]:
+    """Return names that sort as their numbers do."""
+    digits = len(str(count - 1))
+    return [f"{stem}{k:0{digits}d}" for k in range(count)]
+
+
+def digest(*parts: Any) -> str:
+    """Return a short hash of texts and arrays, of which None is one too."""
+    found = hashlib.sha256()
+    for part in parts:
+        found.update(part.encode() if isinstance(part, str) else b"-" if part is None else np.asarray(part).tobytes())
+        found.update(b"\x00")
+    return found.hexdigest()[:16]
+
+
+def described(system: System) -> str:
+    """Return a system as a short text, with a hash of all its values."""
+    gm, q, v, softening = system.values
+    radii = None if system.radii is None else system.radii.value
+    epoch = "" if system.epoch is None else repr((system.epoch.jd1, system.epoch.jd2))
+    acting = repr((system.terms, system.forces, system.units, softening))
+    return f"{system!r}, {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
+
+
+def _at(values: Any, places: NDArray[np.intp]) -> Any:
+    if isinstance(values, u.Quantity | np.ndarray):
+        return values[places]
+    if any(isinstance(value, u.Quantity) for value in values):
+        return u.Quantity(values)[places]
+    return np.asarray(values)[places]
+
+
+def _constant(value: Any, count: int) -> Any:
+    if isinstance(value, u.Quantity):
+        return u.Quantity(np.full(count, value.value), value.unit)
+    return np.array([value] * count)
+
+
+def _named(point: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in point.items())
+
+
+def _code(function: Any) -> str:
+    """Return a hash of the code of a function and of what it has beside that, as far as it is known."""
+    bound = getattr(function, "args", ()), getattr(function, "keywords", {})  # of functools.partial
+    function = getattr(function, "func", function)
+    code = getattr(function, "__code__", None)
+    if code is None:
+        return "code unknown"
+    constants = [constant for constant in code.co_consts if not hasattr(constant, "co_code")]
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    beside = re.sub(r" at 0x[0-9a-f]+", "", repr((constants, code.co_names, function.__defaults__, cells, bound)))
+    return digest(code.co_code.hex(), beside)

@@ -1,0 +1,366 @@
+"""The work on one block, the same in a thread, in a process and on a worker of a cluster."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import threading
+import time
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from orbits.ensemble.members import Part
+from orbits.ensemble.summaries import SURVIVED, Columns, of_particles, of_systems
+from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
+from orbits.integrators.base import Integrator
+from orbits.propagation import propagate
+from orbits.propagation.loop import Run, marching, to_its_end
+from orbits.propagation.marchers import provenance
+from orbits.propagation.run import begun, resumed
+from orbits.propagation.side_by_side import march_in_threads
+from orbits.propagation.signals import StopRequest
+from orbits.propagation.variations.megno import megno
+from orbits.system import System
+from orbits.time_grid import TimeGrid
+from orbits.trajectory import Trajectory
+
+DONE, FAILED, INTERRUPTED, REFUSED = "done", "failed", "interrupted", "refused"
+
+WARM_STEPS = 3
+"""The steps for which a sample is integrated so that kernels are compiled."""
+
+SLAB = 16
+"""The samples that are read at once."""
+
+_ALONE = threading.Lock()
+"""Held while warnings are collected, which concerns all threads of a process."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A block: what is integrated, and how. Picklable.
+
+    number : of the block;  stem : of its file or folder in the store
+    part : its members;  options : of `propagate`;  megno : options of `orbits.megno`, or None
+    trajectories : whether samples are kept
+    made_by : the provenance on which bits depend; a worker with another one refuses the block. Empty for any
+    unfinished : the archives of a block that was interrupted elsewhere, by name
+    run : distinguishes the runs of a process
+    """
+
+    number: int
+    stem: str
+    part: Part
+    integrator: Integrator
+    options: Mapping[str, Any]
+    megno: Mapping[str, Any] | None
+    trajectories: bool
+    made_by: Mapping[str, str] = field(default_factory=dict)
+    unfinished: Mapping[str, bytes] = field(default_factory=dict)
+    run: str = ""
+
+
+@dataclass
+class Outcome:
+    """What became of a block.
+
+    state : done, failed (with its reason), interrupted by a request to stop, or refused by a worker of other versions
+    columns : of the table, (members,) each;  bits : a hash of all its samples and columns
+    files : size and SHA-256 of the files in the store, by name;  data : their bytes, if they are not there yet
+    warnings : category and text of each;  seconds : of work;  worker : where
+    """
+
+    number: int
+    state: str
+    reason: str = ""
+    columns: Columns = field(default_factory=dict)
+    bits: str = ""
+    files: dict[str, tuple[int, str]] = field(default_factory=dict)
+    data: dict[str, bytes] = field(default_factory=dict)
+    warnings: list[tuple[str, str]] = field(default_factory=list)
+    seconds: float = 0.0
+    marching: float = 0.0
+    worker: str = ""
+    survivors: int = 0
+
+
+class Reached:
+    """Takes note of the time that a run has reached."""
+
+    done = 0.0
+
+    def update(self, done: float, steps: int) -> None:
+        """Take note of the time reached."""
+        self.done = done
+
+    def close(self) -> None:
+        """End it."""
+
+
+def integrate(
+    task: Task,
+    folder: Path,
+    worker: str,
+    asked: Callable[[], str] = lambda: "",
+    told: Callable[[float], None] = lambda fraction: None,
+) -> Outcome:
+    """Integrate a block; its archives are made in `folder`, where an unfinished one is continued.
+
+    A block that cannot be integrated is an outcome too. Raises StorageError if files cannot be written.
+    """
+    begun_at = time.perf_counter()
+    here = provenance()
+    if changed := [said(key, here[key], there) for key, there in task.made_by.items() if here[key] != there]:
+        return Outcome(task.number, REFUSED, "; ".join(changed), worker=worker)
+    caught: list[tuple[str, str]] = []
+    try:
+        out = _worked(task, folder, asked, told, caught)
+    except Interrupted as error:
+        out = Outcome(task.number, INTERRUPTED, str(error))
+    except StorageError:
+        raise
+    except MemoryError:
+        out = Outcome(task.number, FAILED, "not enough memory; take a smaller block or fewer samples")
+    except Exception as error:
+        out = Outcome(task.number, FAILED, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    if out.state == FAILED:
+        for path in files_of(folder, task.stem):
+            path.unlink(missing_ok=True)
+    out.warnings, out.worker = list(dict.fromkeys(caught)), worker
+    out.seconds = time.perf_counter() - begun_at
+    if out.state == DONE:
+        out.files = {str(path.relative_to(folder)): fingerprint(path) for path in files_of(folder, task.stem)}
+    return out
+
+
+def warm(task: Task) -> None:
+    """Compile what a block needs, by a few steps of a few of its members. Raises InputError for wrong options."""
+    options = dict(task.options)
+    with _collected([]):
+        one = task.part.system()
+        grid = _grid(one, options)
+        options["duration"] = min(abs(grid.end), abs(grid.h) * WARM_STEPS if grid.h == grid.h else abs(grid.end) * 1e-4)
+        options["duration"] *= grid.direction
+        options.pop("until", None)
+        options["samples"] = 2
+        small: Any = [one] * 8 if not task.part.massless else one
+        with suppress(IntegrationError):
+            propagate(small, task.integrator, **options, threads=1, progress=False)
+        if task.megno is not None:
+            known = {name: options[name] for name in ("dt", "duration") if name in options}
+            megno(one, task.integrator, **known, samples=2, check_step=False, threads=1, **task.megno)
+
+
+def remote(task: Task, stopped: Callable[[], str]) -> Outcome:
+    """Integrate a block on a machine that need not see the store: its files come with the outcome."""
+    with tempfile.TemporaryDirectory(prefix="orbits-") as name:
+        folder = Path(name)
+        for inside, data in task.unfinished.items():
+            (folder / inside).parent.mkdir(exist_ok=True)
+            (folder / inside).write_bytes(data)
+        out = integrate(task, folder, f"process {os.getpid()}", stopped)
+        if task.trajectories and out.state in (DONE, INTERRUPTED):
+            paths = files_of(folder, task.stem)
+            out.data = {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+        return out
+
+
+def said(key: str, there: object, here: object) -> str:
+    """Return in words how an entry of the provenance of a worker differs from that of the campaign's process."""
+    if key == "cpu_features":
+        return "another processor, whose instructions give other last bits"
+    if key == "kernel_sources":
+        return "other kernels of orbits (its files differ)"
+    return f"{key} {there}, this process {here}"
+
+
+def fingerprint(path: Path) -> tuple[int, str]:
+    """Return the size and the SHA-256 of a file."""
+    found = hashlib.sha256()
+    with path.open("rb") as file:
+        while block := file.read(1 << 22):
+            found.update(block)
+    return path.stat().st_size, found.hexdigest()
+
+
+def _worked(
+    task: Task, folder: Path, asked: Callable[[], str], told: Callable[[float], None], caught: list[tuple[str, str]]
+) -> Outcome:
+    """Integrate a block. Raises what ends all of it."""
+    made: dict[int, System] = {}
+    reasons: dict[int, str] = {}
+    with _collected(caught):
+        if task.part.massless:
+            made[0] = task.part.system()
+        else:
+            for k, one in enumerate(task.part.systems()):
+                if isinstance(one, System):
+                    made[k] = one
+                else:
+                    reasons[k] = str(one)
+    since = time.perf_counter()
+    runs, failures = _marched(task, folder, made, asked, told, caught)
+    marched = time.perf_counter() - since
+    for failure in failures.values():
+        if task.part.massless or not isinstance(failure, OrbitsError) or isinstance(failure, StorageError):
+            raise failure
+    reasons |= {k: f"{type(one).__name__}: {one}" for k, one in failures.items()}
+    try:
+        if task.part.massless:
+            columns = of_particles(runs[0], len(made[0]) - task.part.count)
+        else:
+            columns = of_systems([runs.get(k) for k in range(task.part.count)], reasons)
+        if task.megno is not None:
+            columns |= _megno(task, made, reasons)
+        bits = _bits(list(runs.values()), columns)
+    finally:
+        for run in runs.values():
+            run.close()
+    survivors = int((columns["state"] == SURVIVED).sum())
+    return Outcome(task.number, DONE, columns=columns, bits=bits, survivors=survivors, marching=marched)
+
+
+def _marched(
+    task: Task,
+    folder: Path,
+    made: Mapping[int, System],
+    asked: Callable[[], str],
+    told: Callable[[float], None],
+    caught: list[tuple[str, str]],
+) -> tuple[dict[int, Trajectory], dict[int, BaseException]]:
+    """March systems to their ends; return the trajectories, complete or not, and the errors of those that failed."""
+    known = {name: task.options[name] for name in ("stop", "events", "check_step") if name in task.options}
+    runs: dict[int, Trajectory] = {}
+    ready: dict[int, Run] = {}
+    failures: dict[int, BaseException] = {}
+    with _collected(caught):
+        for k, system in made.items():
+            path = folder / f"{task.stem}.h5" if task.part.massless else folder / task.stem / f"{k:05d}.h5"
+            try:
+                run = _continued(path) if task.trajectories and path.exists() else None
+                if run is None:
+                    path.parent.mkdir(exist_ok=True)
+                    place: dict[str, Any] = {"archive": path, "overwrite": True} if task.trajectories else {}
+                    grid = _grid(system, task.options)
+                    run = begun(system, task.integrator, grid, threads=1, progress=False, **place, **known)
+            except OrbitsError as error:
+                failures[k] = error
+                continue
+            if isinstance(run, Run):
+                ready[k] = run
+            else:
+                runs[k] = run
+    stop, bars = StopRequest(), {k: Reached() for k in ready}
+    total = sum(abs(run.grid.end) for run in ready.values()) or 1.0
+
+    def look() -> None:
+        stop.name = stop.name or asked()
+        told(sum(abs(bar.done) for bar in bars.values()) / total)
+
+    look()
+    steps = {k: marching(run, stop, bars[k]) for k, run in ready.items()}
+    if ready:
+        failures |= march_in_threads(ready, steps, stop, look, 1)
+    stopped: Interrupted | None = None
+    for k in [k for k in steps if k not in failures]:
+        try:
+            with _collected(caught):
+                runs[k] = to_its_end(steps[k])
+        except Interrupted as error:
+            stopped = error
+        except Exception as error:
+            failures[k] = error
+            if getattr(error, "trajectory", None) is not None:
+                runs[k] = error.trajectory  # type: ignore[attr-defined]
+    if stopped is not None:
+        for run in runs.values():
+            run.close()
+        raise stopped
+    return runs, failures
+
+
+def _continued(path: Path) -> Run | Trajectory | None:
+    """Return the rest of a run that was interrupted; None, without its file, if that cannot be continued."""
+    try:
+        return resumed(
+            path,
+            until=None,
+            events=(),
+            progress=False,
+            threads=1,
+            same_bits=True,
+            heartbeat=None,
+            wall_time=None,
+        )
+    except OrbitsError:
+        path.unlink()
+        return None
+
+
+def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:
+    known = {name: options[name] for name in ("duration", "until", "samples") if name in options}
+    return TimeGrid.of(system, options.get("dt"), **known)
+
+
+def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str] = {}) -> Columns:
+    """Return MEGNO of the members at the end, and when each first had a passage that the method cannot follow."""
+    assert task.megno is not None
+    known = {name: task.options[name] for name in ("dt", "duration", "until") if name in task.options}
+    values, passages = np.full((2, task.part.count), np.nan)
+    for k, system in made.items():
+        if k in reasons:
+            continue
+        samples = [_grid(system, task.options).end]
+        try:
+            found = megno(
+                system, task.integrator, **known, samples=samples, check_step=False, threads=1, **task.megno
+            )
+        except IntegrationError:
+            continue
+        if task.part.massless:
+            members = found.particles[-task.part.count :]
+            values[:] = [one.megno[-1] for one in members]
+            passages[:] = [np.nan if one.passage is None else one.passage.value for one in members]
+        else:
+            values[k] = found.massive.megno[-1]
+    return {"megno": values, "unresolved_at": passages} if task.part.massless else {"megno": values}
+
+
+def files_of(folder: Path, stem: str) -> list[Path]:
+    inside = folder / stem
+    return [path for path in (folder / f"{stem}.h5", *sorted(inside.glob("*.h5"))) if path.is_file()]
+
+
+def _bits(runs: list[Trajectory], columns: Columns) -> str:
+    """Return a hash of the samples of runs, and of the columns of the table."""
+    found = hashlib.sha256()
+    for run in runs:
+        found.update(run.times.tobytes())
+        for k in range(0, len(run), SLAB):
+            some = run[k : k + SLAB]
+            found.update(some.q.value.tobytes() + some.v.value.tobytes())
+    for name in sorted(columns):
+        found.update(name.encode() + columns[name].tobytes())
+    return found.hexdigest()
+
+
+@contextmanager
+def _collected(caught: list[tuple[str, str]]) -> Iterator[None]:
+    """Collect warnings instead of giving them; those of lost particles are in the table."""
+    with _ALONE, warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        try:
+            yield
+        finally:
+            caught += [
+                (one.category.__name__, str(one.message))
+                for one in found or ()
+                if not issubclass(one.category, RetiredWarning)
+            ]

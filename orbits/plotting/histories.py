@@ -1,0 +1,127 @@
+"""The osculating elements of the bodies of a run at all of its samples, for pictures: with the masses of each moment,
+through mergers, and up to where particles are retired.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.body_names import index_of
+from orbits.elements import default_frame, elements_from_state, to_frame
+from orbits.errors import InputError
+
+if TYPE_CHECKING:
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+ANGLES = ("inc", "Omega", "omega", "pomega", "M", "E", "f", "u", "l", "theta")
+"""Elements that are angles, drawn in degrees."""
+
+TURNING = ANGLES[1:]
+"""Those that go round."""
+
+AT_ONCE = 200_000
+"""The most states whose elements are computed together."""
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Elements of some bodies about one of them at all samples.
+
+    bodies : (k,), their numbers in the system; primary : the number of the body that they orbit
+    elements : by their names, (samples, k), angles in radians; NaN where a body is gone,
+        and where it moves straight towards or away from the primary
+    frame : that of the angles
+    """
+
+    bodies: list[int]
+    primary: int
+    elements: dict[str, Array]
+    frame: str
+
+    def __getitem__(self, name: str) -> Array:
+        return self.elements[name]
+
+    def shown(self, name: str) -> Array:
+        """Return an element as it is drawn: angles in degrees."""
+        return np.degrees(self.elements[name]) if name in ANGLES else self.elements[name]
+
+
+def primary_of(run: Trajectory, primary: str | None, kind: str) -> int:
+    """Return the number of the body that the others orbit: the most massive one, unless it is named.
+
+    Raises UnknownNameError for a name that no body has, InputError for a body without mass.
+    """
+    gm = run.system.values.gm
+    place = int(np.argmax(gm)) if primary is None else index_of(primary, run.names, "body", role="primary")
+    if gm[place] <= 0.0:
+        raise InputError(
+            f"kind={kind!r} draws orbits about a massive body, but {run.names[place]} has no mass; choose another "
+            "primary=..."
+        )
+    return place
+
+
+def histories(
+    run: Trajectory,
+    bodies: Sequence[int],
+    names: Sequence[str],
+    *,
+    primary: int,
+    frame: str | None,
+    kind: str,
+) -> Histories:
+    """Return elements of these bodies, without the primary, at all samples of a run.
+
+    Raises InputError for a run without samples and for one in which nothing else is there, UnknownNameError for an
+    unknown frame.
+    """
+    if not len(run):
+        raise InputError(f"{run!r} has no samples yet, so there is nothing to draw; expected at least one.")
+    others = [i for i in bodies if i != primary]
+    if not others:
+        raise InputError(
+            f"kind={kind!r} draws orbits about {run.names[primary]}, but no other body is asked for; name some, or "
+            "draw kind='paths'."
+        )
+    frame = (default_frame(run.system.units) if frame is None else frame).lower()
+    gm = np.broadcast_to(run.system.values.gm, (len(run), len(run.names)))
+    if run.changes is not None:
+        gm = run.changes.over(run.times).gm
+    out = {name: np.full((len(run), len(others)), np.nan) for name in names}
+    centre = [x[:, primary][:, None] for x in (run._q, run._v)]
+    together = max(1, AT_ONCE // len(run))
+    for first in range(0, len(others), together):
+        some = np.array(others[first : first + together])
+        q, v = (to_frame(x[:, some] - middle, frame) for x, middle in zip((run._q, run._v), centre, strict=True))
+        there = np.isfinite(q).all(axis=2) & np.cross(q, v).any(axis=2)  # a straight way has no plane
+        if there.any():
+            both = gm[:, [primary]] + gm[:, some]
+            found = elements_from_state(q[there], v[there], both[there])
+            for name in names:
+                out[name][:, first : first + together][there] = found[name]
+    return Histories(others, primary, out, frame)
+
+
+def pieces(t: Array, values: Array, turn: float | None) -> tuple[Array, Array]:
+    """Return times and values of a line that is interrupted where an angle goes over the edge of its range.
+
+    turn : of a full turn; None for what is no angle
+    """
+    if turn is None or len(t) < 2:
+        return t, values
+    with np.errstate(invalid="ignore"):
+        over = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * turn) + 1
+    return np.insert(t, over, np.nan), np.insert(values, over, np.nan)
+
+
+def last_seen(values: Array) -> int:
+    """Return the number of the last sample of a series, (n,) or (n, 3), that is a number; -1 if none is."""
+    known = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    return int(np.flatnonzero(known)[-1]) if known.any() else -1

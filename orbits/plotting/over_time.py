@@ -1,0 +1,314 @@
+"""Elements against time, and in their phase planes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.checks import checked_flag
+from orbits.errors import InputError, UnknownNameError, shown
+from orbits.plotting import style, words
+from orbits.plotting.histories import TURNING, Histories, histories, last_seen, pieces, primary_of
+from orbits.plotting.pictures import FRAME_LABELS, Looks, looks_of, named_in, there
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+WORDS: Mapping[str, str] = {
+    "a": "semi-major axis a",
+    "e": "eccentricity e",
+    "q": "pericentre distance q",
+    "inc": "inclination i",
+    "Omega": "ascending node Ω",
+    "omega": "argument of pericentre ω",
+    "pomega": "longitude of pericentre ϖ",
+    "M": "mean anomaly M",
+    "l": "mean longitude λ",
+    "f": "true anomaly f",
+    "n": "mean motion n",
+    "P": "period P",
+    "h": "h = e sin ϖ",
+    "k": "k = e cos ϖ",
+    "ix": "ix",
+    "iy": "iy",
+}
+"""The elements that can be drawn against time."""
+
+MOST_MARKS = 300
+"""The most events, and approaches, that are marked."""
+
+CLOUD = "thin lines, from blue to yellow: massless bodies, in the order of their first values"
+
+
+@style.look()
+def plot_elements(
+    run: Trajectory,
+    *,
+    elements: Sequence[str] = ("a", "e", "inc"),
+    primary: str | None = None,
+    bodies: Sequence[str] | None = None,
+    title: str | None = None,
+    frame: str | None = None,
+    approaches: bool = False,
+) -> Figure:
+    """Return a picture of osculating elements against time, one panel for each.
+
+    elements : their names, as in `run.elements()`: a, e, q, inc, Omega, omega, pomega, M, l, f, n, P, h, k, ix, iy
+    primary : the body that the others orbit; the most massive one by default
+    bodies, title, frame : as in `plot_trajectory`
+    approaches : whether the close approaches of the run are marked too, those of `run.closest_approaches()`
+
+    Lines end with a cross where a particle was retired or a body merged; events are small triangles on the line of
+    their body. Raises UnknownNameError for an unknown element, body or frame, InputError for a run without samples.
+    """
+    wanted = (elements,) if isinstance(elements, str) else tuple(elements)
+    for name in wanted:
+        if name not in WORDS:
+            raise UnknownNameError(f"there is no element {shown(name)} to draw; expected some of {', '.join(WORDS)}.")
+    if not wanted:
+        raise InputError(f"elements is empty; expected some of {', '.join(WORDS)}.")
+    chosen = there(run, bodies)
+    known = histories(run, chosen, wanted, primary=primary_of(run, primary, "elements"), frame=frame, kind="elements")
+    looks, cloud = looks_of(run.system, known.bodies)
+    t, unit = times_of(run)
+    made = style.figure(16, 3.2 + 2.9 * len(wanted))
+    panels = made.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
+    told: dict[str, None] = {}
+    marks = _marks(run, approaches=checked_flag(approaches, "approaches"))
+    for axes, name in zip(panels, wanted, strict=True):
+        told |= dict.fromkeys(_draw(axes, run, known, name, t, looks, cloud))
+        told |= dict.fromkeys(said for mark in marks if (said := _mark(axes, run, known, name, t, looks, mark)))
+        axes.set_ylabel(_label(run, name))
+        if name in TURNING:
+            axes.set(ylim=(-10.0, 370.0), yticks=np.arange(0.0, 361.0, 90.0))
+        axes.grid(color=style.FAINT, lw=0.6)
+    panels[-1].set_xlabel(words.since(run.system, unit))
+    years(panels[0], run, t)
+    made.align_ylabels()
+    panels[0].set_title(heading(run, known) if title is None else title)
+    style.below(made, *named_in(panels[0]), "; ".join(told))
+    return made
+
+
+def _draw(
+    axes: Axes, run: Trajectory, known: Histories, name: str, t: Array, looks: Looks, cloud: list[int]
+) -> list[str]:
+    """Draw one element of all bodies, and return the meaning of the marks."""
+    values, turn = known.shown(name), 360.0 if name in TURNING else None
+    told: dict[str, None] = {}
+    if cloud:
+        _draw_many(axes, t, values[:, [known.bodies.index(i) for i in cloud]], turn)
+        told[CLOUD] = None
+    ends = run.reached if run.span is not None else run.last_time
+    for k, i in enumerate(known.bodies):
+        last = last_seen(values[:, k])
+        gone = 0 <= last < len(t) - 1 and np.isnan(values[last + 1 :, k]).all()
+        if i in looks:
+            (line,) = axes.plot(*pieces(t, values[:, k], turn), lw=1.3, zorder=3, **looks[i])
+            if cloud:
+                style.outline(line)
+        colour = looks[i]["color"] if i in looks else style.GREY
+        if gone and ends is not None:
+            axes.plot(t[last], values[last, k], "x", ms=8 if i in looks else 4, mew=1.8, color=colour, zorder=4)
+            told["crosses: bodies that merged, or were retired"] = None
+    return [*told]
+
+
+def _draw_many(axes: Axes, t: Array, values: Array, turn: float | None) -> None:
+    """Draw the lines of many bodies, thin, from dark to light by their first values."""
+    from matplotlib import colormaps
+    from matplotlib.collections import LineCollection
+
+    first = np.array([x[np.isfinite(x)][0] if np.isfinite(x).any() else np.nan for x in values.T])
+    order = np.argsort(np.argsort(first)) / max(1, len(first) - 1)
+    lines = [np.column_stack(pieces(t, x, turn)) for x in values.T]
+    thin = max(0.25, min(0.8, 30.0 / len(lines)))
+    colours = colormaps["cividis"](0.15 + 0.75 * order)
+    axes.add_collection(LineCollection(lines, lw=thin, alpha=0.75, colors=colours, zorder=1))
+    axes.autoscale_view()
+
+
+class Marks(NamedTuple):
+    """What is marked on lines: the symbol, what it means, and the time and the bodies of each."""
+
+    symbol: str
+    said: str
+    at: Sequence[tuple[float, tuple[str | None, ...]]]
+
+
+def _marks(run: Trajectory, *, approaches: bool) -> list[Marks]:
+    """Return the events of a run, and its close approaches if they are asked for."""
+    found = []
+    if len(run.events):
+        kinds = list(dict.fromkeys(run.events.kind[:MOST_MARKS]))
+        what = ", ".join(kinds[:3]) + ", ..." * (len(kinds) > 3)
+        more = f", the first {MOST_MARKS} of {len(run.events):,}" * (len(run.events) > MOST_MARKS)
+        at = [(float(event.time.value), (event.body, event.other)) for event in run.events[:MOST_MARKS]]
+        found.append(Marks("^", f"triangles: {what}{more}", at))
+    if approaches:
+        some = list(islice(run.closest_approaches(), MOST_MARKS))
+        at = [(float(one.time.value), (one.body, one.other)) for one in some]
+        found.append(Marks("D", "diamonds: close approaches", at))
+    return found
+
+
+def _mark(
+    axes: Axes, run: Trajectory, known: Histories, name: str, t: Array, looks: Looks, marks: Marks
+) -> str:
+    """Mark events or approaches on the lines of their bodies, and return what the marks mean, if there are any."""
+    if len(t) < 2 or run.times[0] == run.times[-1]:
+        return ""
+    values, order = known.shown(name), np.argsort(t)
+    factor = float(t[-1] - t[0]) / float(run.times[-1] - run.times[0])
+    places = {run.names[i]: k for k, i in enumerate(known.bodies)}
+    any_there = False
+    for time, names in marks.at:
+        k = next((places[one] for one in names if one in places), None)
+        if k is not None:
+            value = np.interp(factor * time, t[order], values[order, k], left=np.nan, right=np.nan)
+            colour = looks.get(known.bodies[k], {}).get("color", style.GREY)
+            axes.plot(factor * time, value, marks.symbol, ms=6, mec="white", mew=0.5, color=colour, zorder=5)
+            any_there = any_there or bool(np.isfinite(value))
+    return marks.said if any_there else ""
+
+
+@style.look()
+def plot_phase(
+    run: Trajectory,
+    *,
+    primary: str | None = None,
+    bodies: Sequence[str] | None = None,
+    title: str | None = None,
+    frame: str | None = None,
+) -> Figure:
+    """Return a picture of the phase planes of the orbits: (e cos pomega, e sin pomega), in which secular motion goes
+    round the forced eccentricity, and (a, e), with the curves of equal pericentre and apocentre of the massive bodies.
+
+    primary, bodies, title, frame : as in `plot_elements`
+    Raises as `plot_elements` does.
+    """
+    chosen = there(run, bodies)
+    place = primary_of(run, primary, "phase")
+    known = histories(run, chosen, ("a", "e", "h", "k"), primary=place, frame=frame, kind="phase")
+    looks, cloud = looks_of(run.system, known.bodies)
+    made = style.figure(17, 9)
+    plane, sizes = made.subplots(1, 2)
+    bound = known["e"] < 1.0
+    told: dict[str, None] = {}
+    for axes, x, y in ((plane, known["k"], known["h"]), (sizes, known["a"], known["e"])):
+        x, y = np.where(bound, x, np.nan), np.where(bound, y, np.nan)
+        for k, i in enumerate(known.bodies):
+            if i in looks:
+                told |= dict.fromkeys(_wander(axes, x[:, k], y[:, k], looks[i]))
+        if cloud:
+            many = [known.bodies.index(i) for i in cloud]
+            told |= dict.fromkeys(_ends(axes, x[:, many], y[:, many]))
+    if not bound.all() and (known["e"] >= 1.0).any():
+        told["samples on hyperbolas are left out"] = None
+    if cloud:
+        plane.plot([], [], ".", ms=8, mew=0, color=style.BLUE, label=f"{len(cloud):,} massless bodies")
+    about_origin(plane, max(map(abs, (*plane.get_xlim(), *plane.get_ylim()))))
+    unit = _unit(run)
+    plane.set(xlabel="k = e cos ϖ", ylabel="h = e sin ϖ")
+    sizes.set(xlabel=f"semi-major axis a [{unit}]" if unit else "semi-major axis a", ylabel="eccentricity e")
+    sizes.set_ylim(bottom=0.0)
+    for axes in (plane, sizes):
+        axes.grid(color=style.FAINT, lw=0.6)
+    made.suptitle(heading(run, known) if title is None else title, x=0.01, ha="left", fontsize=17)
+    style.below(made, *named_in(plane), "; ".join(told))
+    return made
+
+
+def _ends(axes: Axes, x: Array, y: Array) -> list[str]:
+    """Draw where many points, (samples, k), begin and end, and return what that means."""
+    known = np.isfinite(x) & np.isfinite(y)
+    some = np.flatnonzero(known.any(axis=0))
+    first, last = known.argmax(axis=0)[some], len(x) - 1 - known[::-1].argmax(axis=0)[some]
+    axes.plot(x[first, some], y[first, some], ".", ms=4, mew=0, color=style.GREY, alpha=0.6, zorder=1)
+    axes.plot(x[last, some], y[last, some], ".", ms=5, mew=0, color=style.BLUE, alpha=0.8, zorder=2)
+    return ["of many: grey at the start, blue at the end"] if len(some) else []
+
+
+def _wander(axes: Axes, x: Array, y: Array, look: Mapping[str, Any]) -> list[str]:
+    """Draw how a point wanders, from a ring to a disc, and return what they mean."""
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    if not len(known):
+        return []
+    first, last = known[0], known[-1]
+    colour = look["color"]
+    axes.plot(x, y, ".", ms=3, mew=0, alpha=0.8, color=colour)
+    axes.plot(x, y, lw=0.4, alpha=0.35, color=colour)
+    axes.plot([], [], lw=2.5, **look)
+    axes.plot(x[first], y[first], "o", ms=8, mfc="white", mec=colour, mew=1.6, zorder=3)
+    axes.plot(x[last], y[last], "o", ms=8, mec="white", mew=0.5, color=colour, zorder=4)
+    return ["rings: at the start", "discs: at the end"]
+
+
+def about_origin(axes: Axes, reach: float) -> None:
+    """Give a plane equal scales about its origin, which is marked."""
+    from matplotlib.ticker import MaxNLocator
+
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4, symmetric=True))
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
+    axes.set_aspect("equal", adjustable="box")
+    axes.axhline(0.0, color=style.GREY, lw=0.7, zorder=0)
+    axes.axvline(0.0, color=style.GREY, lw=0.7, zorder=0)
+
+
+def times_of(run: Trajectory) -> tuple[Array, str]:
+    """Return the times of the samples in a unit that suits the run, and the unit."""
+    factor, unit = words.fitting_time(float(np.abs(run.times).max()), run.system.units.time)
+    return run.times * factor, unit
+
+
+def years(axes: Axes, run: Trajectory, t: Array) -> None:
+    """Give a time axis the years of the calendar at its upper edge, if they are of use."""
+    epoch, span = run.system.epoch, float(np.ptp(run.times)) if len(run) else 0.0
+    if epoch is None or len(t) < 2 or not span:
+        return
+    per_unit = float(run.system.units.time.to("yr")) * float(np.ptp(run.times)) / float(np.ptp(t))
+    if not 3.0 <= per_unit * np.ptp(t) <= 20_000.0:
+        return
+    start = float(epoch.jyear)
+
+    def to_years(x: Any) -> Any:
+        return start + per_unit * x
+
+    def from_years(x: Any) -> Any:
+        return (x - start) / per_unit
+
+    upper = axes.secondary_xaxis("top", functions=(to_years, from_years))
+    upper.tick_params(labelsize=12, colors=style.GREY)
+    upper.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
+    upper.spines["top"].set_visible(False)
+
+
+def heading(run: Trajectory, known: Histories) -> str:
+    """Return what a picture of elements is of: the centre, the frame and the method."""
+    physical = run.system.units.is_physical or known.frame == "ecliptic"
+    frame = f", {FRAME_LABELS.get(known.frame, known.frame)}" if physical else ""
+    method = words.method_words(run.integrator.label)
+    return f"orbits about {words.short(run.names[known.primary])}{frame}; {method}"
+
+
+def _unit(run: Trajectory) -> str:
+    return str(run.system.units.length).replace("AU", "au")
+
+
+def _label(run: Trajectory, name: str) -> str:
+    """Return the label of an axis, with the unit."""
+    units = run.system.units
+    time = str(units.time)
+    own = {"a": _unit(run), "q": _unit(run), "P": time, "n": f"rad / {time}" if time else ""}
+    unit = own.get(name, "°" if name in ("inc", *TURNING) else "")
+    return f"{WORDS[name]} [{unit}]" if unit else WORDS[name]

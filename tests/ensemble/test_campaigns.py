@@ -1,0 +1,382 @@
+"""Campaigns on threads and processes: the same bits however they are cut and stopped, and tables that are right."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits import ensemble
+from orbits.ensemble import tasks
+from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsWarning, StorageError, UnknownNameError
+from tests.ensemble.belts import OPTIONS, belt, giants, system
+
+LONG = {**OPTIONS, "duration": 1500 * u.yr}
+"""Blocks of a tenth of a second, so that a signal finds some at work."""
+
+
+def interrupted(folder: Path, number: signal.Signals, after: int, **options: object) -> ensemble.Campaign:
+    """Run a campaign, send this process a signal as soon as some blocks are done, and return what is there."""
+
+    def send() -> None:
+        while True:
+            time.sleep(0.005)
+            index = folder / "index.jsonl"
+            if index.exists() and index.read_bytes().count(b"\n") >= after:
+                os.kill(os.getpid(), number)
+                return
+
+    thread = threading.Thread(target=send, daemon=True)
+    thread.start()
+    with pytest.raises(Interrupted, match="the same call goes on") as raised:
+        ensemble.run(belt(160), folder, **options)
+    thread.join()
+    return raised.value.trajectory
+
+
+@pytest.fixture(scope="module")
+def whole() -> orbits.Trajectory:
+    return orbits.propagate(system(100), **OPTIONS)
+
+
+@pytest.mark.parametrize(("block", "workers"), [(16, 2), (37, 1), (100, 1)])
+def test_particles_have_the_bits_of_one_run_with_all_of_them_in_blocks_of_any_size(tmp_path, whole, block, workers):
+    campaign = ensemble.run(belt(100), tmp_path / "c", block=block, workers=workers, **OPTIONS)
+    for name in ("p0", "p36", "p37", "p99"):
+        np.testing.assert_array_equal(campaign[name].q, whole[name].q)
+        np.testing.assert_array_equal(campaign[name].v, whole[name].v)
+
+
+@pytest.mark.parametrize("method", [orbits.Gauss(), orbits.StormerVerlet()], ids=lambda m: m.name)
+def test_other_methods_give_particles_bits_that_do_not_depend_on_the_block(tmp_path, method):
+    options = {**OPTIONS, "integrator": method, "dt": None if method.name == "gauss" else "5 d"}
+    one, other = (ensemble.run(belt(40), tmp_path / str(b), block=b, **options) for b in (40, 9))
+    for name in one:
+        np.testing.assert_array_equal(one[name].q, other[name].q)
+
+
+def test_a_process_gives_the_bits_of_a_thread(tmp_path):
+    one = ensemble.run(belt(40), tmp_path / "threads", block=16, **OPTIONS)
+    other = ensemble.run(belt(40), tmp_path / "processes", block=16, workers=1, processes=True, **OPTIONS)
+    assert one.bits == other.bits
+    assert "SpawnProcess" in other.blocks[0].worker
+
+
+def test_the_table_has_what_the_runs_have(tmp_path):
+    options = {**OPTIONS, "samples": 41}
+    campaign = ensemble.run(belt(60, outermost=5.0), tmp_path / "c", block=16, **options)
+    with pytest.warns(orbits.RetiredWarning):
+        run = orbits.propagate(system(60, outermost=5.0), **options)
+    table, elements = campaign.summary, run.elements(primary="Sun")
+    lost = {one.name: one for one in run.retired}
+    assert 0 < len(lost) < 60
+    approaches = run.closest_approaches().distance[:, 1]
+    for row in table:
+        own, one = elements[row["name"]], lost.get(row["name"])
+        assert row["state"] == ("survived" if one is None else "lost")
+        assert row["end"] == (run.t[-1] if one is None else one.time)
+        assert row["reason"] == ("" if one is None else one.reason)
+        for key in ("a", "e", "inc"):
+            values = getattr(own, key).value
+            assert u.Quantity(row[f"{key}_min"]).value == np.nanmin(values)
+            assert u.Quantity(row[f"{key}_max"]).value == np.nanmax(values)
+        # The table has the recorded distance, to a few 1e-4 of what a march through the approach gives.
+        exact = approaches[run.system.index(row["name"])]
+        if np.isfinite(exact):
+            np.testing.assert_allclose(row["closest"].value, exact.value, rtol=3e-3)
+    near = np.isfinite(table["closest"].value)
+    assert set(table["closest_to"][near]) <= {"Jupiter", "Saturn"}
+
+
+def test_megno_of_members_is_that_of_a_run_with_all_of_them(tmp_path):
+    options = {key: OPTIONS[key] for key in ("duration", "dt")}
+    campaign = ensemble.run(belt(20), tmp_path / "c", block=16, megno={"vectors": 2}, trajectories=False, **OPTIONS)
+    found = orbits.megno(system(20), OPTIONS["integrator"], **options, vectors=2)
+    np.testing.assert_array_equal(campaign.summary["megno"], [one.megno[-1] for one in found.particles])
+    with pytest.raises(ArchiveError, match="keeps no samples"):
+        campaign["p3"]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    return ensemble.run(belt(160), tmp_path_factory.mktemp("whole") / "c", block=16, **LONG)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_campaign_that_a_signal_stopped_goes_on_to_the_same_bits(tmp_path, number, undisturbed):
+    part = interrupted(tmp_path / "c", number, 2, block=16, workers=1, **LONG)
+    assert 0 < part.progress.done < 10
+    assert not part.complete
+    assert (part.summary["state"] == "waiting").any()
+    told: list[str] = []
+    campaign = ensemble.run(belt(160), tmp_path / "c", block=16, workers=2, say=told.append, **LONG)
+    assert any("are there already" in line for line in told)
+    assert campaign.bits == undisturbed.bits
+
+
+def test_a_block_that_was_interrupted_goes_on_where_it_was(tmp_path, monkeypatch):
+    """Its archive is taken up at the step that it had reached, which the second run does not march again."""
+    longer = {**OPTIONS, "duration": 5e4 * u.yr, "block": 32, "workers": 1}
+    path = tmp_path / "c" / "block-00000.h5"
+
+    def send():
+        while not path.exists():
+            time.sleep(0.01)
+        time.sleep(0.2)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    threading.Thread(target=send, daemon=True).start()
+    with pytest.raises(Interrupted):
+        ensemble.run(belt(32), tmp_path / "c", **longer)
+    before = orbits.Trajectory.open(path)
+    assert not before.complete
+    assert 0.0 < before.reached < 5e4 * 365.25
+    before.close()
+    seen = []
+    original = tasks.resumed
+    monkeypatch.setattr(tasks, "resumed", lambda *given, **known: seen.append(original(*given, **known)) or seen[0])
+    campaign = ensemble.run(belt(32), tmp_path / "c", **longer)
+    assert seen[0].first > 0 or seen[0].marcher.step > 0
+    assert campaign.complete
+    with pytest.warns(orbits.RetiredWarning):
+        whole = orbits.propagate(system(32), **{**OPTIONS, "duration": 5e4 * u.yr})
+    np.testing.assert_array_equal(campaign["p31"].q, whole["p31"].q)
+
+
+def test_a_campaign_is_readable_while_it_runs(tmp_path):
+    seen: list[ensemble.Progress] = []
+
+    def look() -> None:
+        while not seen or not seen[-1].complete:
+            time.sleep(0.01)
+            try:
+                campaign = ensemble.open(tmp_path / "c")
+            except ArchiveError:
+                continue
+            seen.append(campaign.progress)
+            if seen[-1].done:
+                assert len(campaign["p0"].q) == 5
+                assert (campaign.summary["state"][:16] == "survived").all()
+
+    thread = threading.Thread(target=look)
+    thread.start()
+    ensemble.run(belt(160), tmp_path / "c", block=16, workers=1, **LONG)
+    thread.join()
+    assert len({progress.done for progress in seen}) > 3
+
+
+@pytest.mark.parametrize("how", ["damaged", "missing", "shorter"])
+def test_a_damaged_block_is_said_and_done_again(tmp_path, how):
+    first = ensemble.run(belt(40), tmp_path / "c", block=16, **OPTIONS)
+    bits, path = first.bits, tmp_path / "c" / "block-00001.h5"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    if how == "missing":
+        path.unlink()
+    else:
+        path.write_bytes(data if how == "damaged" else data[:-1])
+    assert list(first.verify()) == [1]
+    told: list[str] = []
+    again = ensemble.run(belt(40), tmp_path / "c", block=16, say=told.append, **OPTIONS)
+    assert any("block 1: block-00001.h5 is" in line and "done again" in line for line in told)
+    assert not again.verify()
+    assert again.bits == bits
+
+
+def test_the_end_of_a_line_that_a_kill_left_is_removed(tmp_path):
+    first = ensemble.run(belt(40), tmp_path / "c", block=16, **OPTIONS)
+    index = tmp_path / "c" / "index.jsonl"
+    lines = index.read_bytes().splitlines(keepends=True)
+    index.write_bytes(b"".join(lines[:-1]) + lines[-1][:30])
+    assert first.progress.done == 2
+    again = ensemble.run(belt(40), tmp_path / "c", block=16, **OPTIONS)
+    assert again.progress.done == 3
+
+
+def test_the_store_of_another_campaign_is_refused_with_what_differs(tmp_path):
+    ensemble.run(belt(20), tmp_path / "c", block=16, **OPTIONS)
+    with pytest.raises(ArchiveError, match=r"another campaign. What differs: dt: '30 d' there, '20 d' here"):
+        ensemble.run(belt(20), tmp_path / "c", block=16, **{**OPTIONS, "dt": "20 d"})
+    with pytest.raises(ArchiveError, match="members: 20 there, 21 here"):
+        ensemble.run(belt(21), tmp_path / "c", block=16, **OPTIONS)
+    with pytest.raises(ArchiveError, match="block: 16 there, 8 here"):
+        ensemble.run(belt(20), tmp_path / "c", block=8, **OPTIONS)
+    (tmp_path / "d").mkdir()
+    (tmp_path / "d" / "notes.txt").write_text("mine")
+    with pytest.raises(ArchiveError, match="not the folder of a campaign"):
+        ensemble.run(belt(20), tmp_path / "d", **OPTIONS)
+    with pytest.raises(ArchiveError, match=r"it has no campaign\.json"):
+        ensemble.open(tmp_path / "d")
+
+
+def test_a_folder_in_which_nothing_was_done_yet_takes_another_campaign(tmp_path):
+    with pytest.raises(InputError):
+        ensemble.run(belt(20), tmp_path / "c", client="tcp://127.0.0.1:1", **OPTIONS)
+    assert ensemble.run(belt(20), tmp_path / "c", **{**OPTIONS, "dt": "20 d"}).complete
+
+
+def test_two_processes_on_one_folder_exclude_each_other(tmp_path):
+    refused: list[BaseException] = []
+
+    def second(text: str) -> None:
+        if not refused:
+            try:
+                ensemble.run(belt(40), tmp_path / "c", block=16, **OPTIONS)
+            except ArchiveError as error:
+                refused.append(error)
+
+    ensemble.run(belt(40), tmp_path / "c", block=16, **OPTIONS)
+    (tmp_path / "c" / "block-00001.h5").unlink()
+    ensemble.run(belt(40), tmp_path / "c", block=16, say=second, **OPTIONS)
+    assert f"is being run by another process (process {os.getpid()} on" in str(refused[0])
+
+
+def test_a_worker_of_other_versions_refuses_a_block_and_both_are_told(tmp_path):
+    """As one that joins a cluster later; those that are there at the start are asked before."""
+    plan = ensemble.Plan(belt(20), **{key: OPTIONS[key] for key in OPTIONS if key != "progress"})
+    for made_by, told in (
+        ({"numba": "0.1"}, r"numba \d.*, this process 0.1"),
+        ({"cpu_features": "none"}, "another processor"),
+        ({"kernel_sources": "none"}, "other kernels of orbits"),
+    ):
+        outcome = tasks.integrate(plan.task(0, plan.ensemble.sample(), stem="block", made_by=made_by), tmp_path, "here")
+        assert outcome.state == tasks.REFUSED
+        assert re.match(told, outcome.reason)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_replaced_during_a_campaign_is_not_written_to(tmp_path):
+    ensemble.run(belt(40), tmp_path / "c", block=16, **OPTIONS)
+    (tmp_path / "c" / "block-00001.h5").unlink()
+
+    def replace(text):
+        if not (tmp_path / "old").exists():
+            (tmp_path / "c").rename(tmp_path / "old")
+            (tmp_path / "c").mkdir()
+
+    with pytest.raises(StorageError, match="was deleted or replaced"):
+        ensemble.run(belt(40), tmp_path / "c", block=16, say=replace, **OPTIONS)
+    assert not (tmp_path / "c" / "index.jsonl").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"block": 0}, "block must be a whole number >= 1, got 0"),
+        ({"block": 1.5}, "block must be a whole number"),
+        ({"workers": 0}, "workers, if given, must be a whole number >= 1"),
+        ({"megno": "yes"}, "megno is 'yes'; expected True, False or a dict"),
+        ({"trajectories": 2}, "trajectories is 2; expected True or False"),
+        ({"client": "tcp://127.0.0.1:1", "workers": 2}, "brings its own workers"),
+        ({"duration": None}, "duration"),
+    ],
+)
+def test_wrong_arguments_are_refused_before_there_is_a_folder(tmp_path, changes, message):
+    with pytest.raises(InputError, match=message):
+        ensemble.run(belt(20), tmp_path / "c", **{**OPTIONS, **changes})
+    assert not (tmp_path / "c").exists()
+
+
+def test_other_arguments_are_answered_with_a_hint(tmp_path):
+    with pytest.raises(UnknownNameError, match=r"no argument 'n_jobs': threads"):
+        ensemble.run(belt(20), tmp_path / "c", n_jobs=2, **OPTIONS)
+    with pytest.raises(UnknownNameError, match="an archive for each block"):
+        ensemble.run(belt(20), tmp_path / "c", archive="x.h5", **OPTIONS)
+    with pytest.raises(InputError, match=r"the ensemble is System.*expected one from orbits.ensemble"):
+        ensemble.run(giants(), tmp_path / "c", **OPTIONS)
+
+
+def test_a_campaign_that_would_not_fit_on_the_disk_is_refused_before_it_starts(tmp_path, monkeypatch):
+    monkeypatch.setattr("orbits.ensemble.plan.free_bytes", lambda folder: 1_000_000)
+    with pytest.raises(StorageError, match=r"would need about \d+\.\d MB in .*, but 1.0 MB are free"):
+        ensemble.run(belt(1000), tmp_path / "c", **{**OPTIONS, "samples": 100})
+    assert not list(tmp_path.glob("c/block*"))
+
+
+def test_the_estimate_of_the_disk_is_that_of_the_files(tmp_path):
+    """Within a quarter, for few and for many samples, of particles and of systems."""
+    for samples in (2, 200):
+        for members in (belt(200), ensemble.systems([giants()] * 20)):
+            folder = tmp_path / f"{samples}-{members.kind}"
+            options = {**OPTIONS, "samples": samples}
+            ensemble.run(members, folder, block=20, **options)
+            options.pop("progress")
+            plan = ensemble.Plan(members, block=20, **options)
+            needed = plan.bytes_needed(plan.grid(plan.first()), 3, 20)
+            there = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+            assert 0.8 < needed / there < 1.6, (samples, members.kind, needed, there)
+
+
+def test_a_block_that_cannot_be_integrated_is_reported_and_the_others_go_on(tmp_path):
+    """Two bodies with mass collide head on in one system; a function refuses the parameters of another."""
+    campaign_of = {"duration": 5.0, "dt": 0.01, "integrator": "gauss", "block": 1, "progress": False}
+    made = ensemble.grid(pair, speed=[-1.0, 0.0, 1.0, 0.9])
+    with pytest.warns(OrbitsWarning, match="A falls straight into B"):
+        campaign = ensemble.run(made, tmp_path / "c", **campaign_of)
+    table = campaign.summary
+    assert list(table["state"]) == ["failed", "failed", "survived", "survived"]
+    assert "ConvergenceError" in table["reason"][1]
+    assert "no such speed" in table["reason"][0]
+    np.testing.assert_array_equal(table["speed"], [-1.0, 0.0, 1.0, 0.9])
+    assert table["energy_error"][2] < 1e-13  # Gauss with 8 stages, 500 steps
+
+
+def test_a_block_of_particles_whose_planets_collide_is_listed_as_failed(tmp_path):
+    bodies = orbits.System.from_states(["A", "B"], [1.0, 1.0], [[-0.5, 0, 0], [0.5, 0, 0]], np.zeros((2, 3)),
+                                       units=orbits.DIMENSIONLESS)  # fmt: skip
+    members = {"q": np.array([[3.0, 0, 0], [0, 4, 0]]), "v": np.array([[0, 0.8, 0], [-0.7, 0, 0]])}
+    options = {"duration": 5.0, "dt": 0.01, "integrator": "gauss", "block": 1, "check_step": False, "progress": False}
+    with pytest.warns(OrbitsWarning, match="2 of 2 blocks could not be integrated"):
+        campaign = ensemble.run(ensemble.particles(bodies, members), tmp_path / "c", **options)
+    assert list(campaign.failed) == [0, 1]
+    assert campaign.complete
+    assert list(campaign.summary["state"]) == ["failed", "failed"]
+    with pytest.raises(ArchiveError, match="could not be integrated: ConvergenceError"):
+        campaign["p0"]
+
+
+def pair(speed: float) -> orbits.System:
+    """Two equal masses, at rest if `speed` is 0."""
+    if speed < 0:
+        raise ValueError("no such speed")
+    q, v = np.array([0.5, 0, 0]), np.array([0, speed / 2**0.5, 0])
+    return orbits.System.from_states(["A", "B"], [1.0, 1.0], [q, -q], [v, -v], units=orbits.DIMENSIONLESS)
+
+
+def test_a_grid_of_systems_has_the_bits_of_a_list_of_them(tmp_path):
+    options = {"duration": 5.0, "dt": 0.01, "integrator": "stormer-verlet", "samples": 4}
+    speeds = np.linspace(0.7, 1.1, 11)
+    campaign = ensemble.run(ensemble.grid(pair, speed=speeds), tmp_path / "c", block=4, progress=False, **options)
+    runs = orbits.propagate([pair(speed) for speed in speeds], **options)
+    for k, run in enumerate(runs):
+        np.testing.assert_array_equal(campaign[k].q, run.q)
+        np.testing.assert_allclose(campaign.summary["e_max"][k, 1], run.elements(primary="A").e.value.max())
+    np.testing.assert_array_equal(campaign.axes["speed"], speeds)
+    assert campaign.map("energy_error").shape == (11,)
+
+
+def test_a_killed_process_is_replaced_and_its_blocks_are_done_again(tmp_path):
+    told: list[str] = []
+
+    def kill() -> None:
+        import multiprocessing
+
+        while not (tmp_path / "c" / "index.jsonl").exists():
+            time.sleep(0.01)
+        os.kill(multiprocessing.active_children()[0].pid or 0, signal.SIGKILL)
+
+    thread = threading.Thread(target=kill, daemon=True)
+    thread.start()
+    longer = {**OPTIONS, "duration": 4000 * u.yr}
+    campaign = ensemble.run(belt(96), tmp_path / "c", block=16, workers=1, processes=True, say=told.append, **longer)
+    thread.join()
+    assert any("its worker was lost; it is done again" in line for line in told)
+    assert campaign.bits == ensemble.run(belt(96), tmp_path / "whole", block=16, **longer).bits

@@ -1,0 +1,90 @@
+"""`orbits ensemble`: a file with a plan, a scenario, a folder."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+from typer.testing import CliRunner
+
+from orbits import ensemble
+from orbits.cli import app
+
+PLAN = """
+import numpy as np
+import orbits
+from orbits import ensemble
+
+planets = orbits.System.solar_system(epoch="2022-08-09", bodies=["Sun", "Jupiter", "Saturn"])
+grid = ensemble.grid(planets, primary="Sun", a=np.linspace(2.2, 3.2, 8), e=np.linspace(0.0, 0.2, 8))
+plan = ensemble.Plan(grid, duration="{duration}", dt="30 d", integrator="wisdom-holman", block=16)
+"""
+
+
+def orbits_(*arguments):
+    return CliRunner().invoke(app, [str(one) for one in arguments])
+
+
+def test_a_file_with_a_plan_runs_and_its_folder_can_be_looked_at(tmp_path):
+    (tmp_path / "belt.py").write_text(PLAN.format(duration="20 yr"))
+    done = orbits_("ensemble", tmp_path / "belt.py", "--out", tmp_path / "c", "--workers", 1)
+    assert done.exit_code == 0, done.output
+    assert "4 of 4 blocks done: 64 of 64 members" in done.stdout
+    assert "largest eccentricity: least" in done.stdout
+    looked = orbits_("ensemble", tmp_path / "c", "--json")
+    record = json.loads(looked.stdout)
+    assert record["members"] == {"survived": 64}
+    assert record["bits"] == ensemble.open(tmp_path / "c").bits
+
+
+def test_options_change_the_plan(tmp_path):
+    (tmp_path / "belt.py").write_text(PLAN.format(duration="20 yr"))
+    options = ["--dt", "20 d", "--duration", "5 yr", "--block", 32, "--table-only", "--samples", 3, "--json"]
+    done = orbits_("ensemble", tmp_path / "belt.py", "--out", tmp_path / "c", *options)
+    record = json.loads(done.stdout)
+    assert record["blocks"]["all"] == 2
+    assert "dt = 20 d, 1826.25 d" in record["made_by"]
+    assert not list((tmp_path / "c").glob("*.h5"))
+
+
+def test_the_particles_of_a_scenario_are_members(tmp_path):
+    done = orbits_("ensemble", "asteroid_belt", "--out", tmp_path / "c", "--duration", "30 d", "--samples", 2, "--json")
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["members"] == {"survived": 1250}
+
+
+def test_what_has_no_members_is_refused(tmp_path):
+    (tmp_path / "belt.py").write_text("plan = 3")
+    assert "defines neither `plan` nor `scenario`, plan being 3" in _told("ensemble", tmp_path / "belt.py")
+    assert "is a study, which has no members" in _told("ensemble", "resonance_map")
+    (tmp_path / "plan.py").write_text(PLAN.format(duration="20 yr"))
+    assert "block must be a whole number >= 1, got 0" in _told("ensemble", tmp_path / "plan.py", "--block", 0)
+
+
+def _told(*arguments):
+    done = orbits_(*arguments)
+    assert done.exit_code == 2
+    return " ".join(done.output.split())
+
+
+def test_ctrl_c_stops_with_a_line_on_how_to_go_on_and_the_same_command_goes_on(tmp_path):
+    (tmp_path / "belt.py").write_text(PLAN.format(duration="6000 yr"))
+    command = [sys.executable, "-m", "orbits", "ensemble", "belt.py", "--workers", "1"]
+    started = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    index, begun = tmp_path / "belt.campaign" / "index.jsonl", time.monotonic()
+    while not index.exists() and time.monotonic() - begun < 120:
+        time.sleep(0.01)
+    started.send_signal(signal.SIGINT)
+    _, told = started.communicate(timeout=120)
+    assert started.returncode == 130, told
+    assert "stopped by Ctrl-C: " in told
+    assert "the same call goes on" in told
+    again = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
+    assert again.returncode == 0, again.stderr
+    assert "of 4 blocks are there already" in again.stderr
+    assert ensemble.open(tmp_path / "belt.campaign").complete
+    assert os.listdir(tmp_path / "belt.campaign")

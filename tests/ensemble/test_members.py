@@ -1,0 +1,161 @@
+"""Members: particles, clones of an uncertain orbit, grids and lists."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits import ensemble
+from orbits.ensemble.clones import drawn
+from orbits.errors import InputError, UnknownNameError
+from tests.ensemble.belts import belt, giants, system
+
+SIGMA = np.array([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
+CORRELATION = 0.6 * np.ones((6, 6)) + 0.4 * np.eye(6)
+COVARIANCE = CORRELATION * np.outer(SIGMA, SIGMA)
+
+
+def test_clones_have_the_covariance_that_was_given():
+    """Of 200,000 draws: variances to 1 %, correlations to 0.01, three standard errors each."""
+    found = np.cov(drawn(COVARIANCE, 200_000, 1).T)
+    np.testing.assert_allclose(np.diag(found), SIGMA**2, rtol=0.01)
+    np.testing.assert_allclose(found / np.outer(SIGMA, SIGMA), CORRELATION, atol=0.01)
+
+
+def test_a_singular_covariance_is_drawn_in_its_own_directions():
+    line = np.outer(SIGMA, SIGMA)
+    found = drawn(line, 10, 1) / SIGMA
+    # The square root of eigenvalues that are 0 but for rounding, 1e-8.
+    np.testing.assert_allclose(found, np.repeat(found[:, :1], 6, axis=1), atol=1e-6)
+    assert not drawn(np.zeros((6, 6)), 3, 1).any()
+
+
+def test_the_first_clone_is_the_body_and_more_clones_begin_with_the_same_ones():
+    few, many = (ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=n, seed=3) for n in (5, 50))
+    assert few.names[0] == "p1"
+    assert len(few) == 6
+    np.testing.assert_array_equal(few.q[0], system(3)["p1"].q.value)
+    np.testing.assert_array_equal(few.q, many.q[:6])
+    other = ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=5, seed=4)
+    assert (other.q[1:] != few.q[1:]).all()
+    assert few.part(0, 2).system().names == ("Sun", "Jupiter", "Saturn", "p0", "p2", *few.names[:2])
+
+
+def test_clones_of_elements_have_their_covariance():
+    names = {"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg}
+    sigma = np.array([1e-7, 1e-7, 1e-3, 1e-4, 1e-4, 1e-5])
+    C = CORRELATION * np.outer(sigma, sigma)
+    members = ensemble.clones(system(3), "p1", covariance=C, count=4000, seed=1, elements=names, primary="Sun")
+    found = members.part(0, len(members)).system().elements(primary="Sun")
+    own = np.array([getattr(found, key).to_value(u.Unit(unit) if unit != 1 else u.one, u.dimensionless_angles())
+                    for key, unit in names.items()])[:, -4000:]  # fmt: skip
+    np.testing.assert_allclose(own.std(axis=1), sigma, rtol=0.05)  # four standard errors of 4,000 draws
+
+
+def test_clones_of_a_body_with_mass_are_systems():
+    members = ensemble.clones(giants(), "Jupiter", covariance=COVARIANCE, count=3, seed=1)
+    assert members.kind == "systems"
+    ones = members.part(0, 4).systems()
+    assert ones[0] == giants()
+    np.testing.assert_array_equal(ones[2].values.q[[0, 2]], giants().values.q[[0, 2]])
+    assert (ones[2].values.q[1] != giants().values.q[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        (np.eye(5), r"shape \(5, 5\); expected \(6, 6\)"),
+        (np.triu(np.ones((6, 6))), "not symmetric"),
+        (-np.eye(6), "not symmetric with variances >= 0"),
+        (np.eye(6) - 0.9 * (np.ones((6, 6)) - np.eye(6)), "negative eigenvalue"),
+        (np.full((6, 6), np.nan), "expected finite numbers"),
+    ],
+)
+def test_what_is_no_covariance_is_refused(covariance, message):
+    with pytest.raises(InputError, match=message):
+        ensemble.clones(system(3), "p1", covariance=covariance, count=3)
+
+
+def test_unknown_bodies_and_elements_are_refused():
+    with pytest.raises(UnknownNameError):
+        ensemble.clones(system(3), "Apophis", covariance=COVARIANCE, count=3)
+    wrong = {"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inclination": u.deg}
+    with pytest.raises(InputError, match="no element 'inclination'; expected some of a, e"):
+        ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, elements=wrong, primary="Sun")
+
+
+def test_a_grid_of_elements_is_made_of_particles_at_its_points():
+    grid = ensemble.grid(giants(), primary="Sun", a=[2.0, 2.5] * u.au, e=np.linspace(0, 0.2, 3), inc=5 * u.deg)
+    assert len(grid) == 6
+    assert repr(grid) == "Ensemble(6 particles: 2 a x 3 e)"
+    found = grid.part(0, 6).system().elements(primary="Sun")
+    np.testing.assert_allclose(found.a[-6:].value, [2, 2, 2, 2.5, 2.5, 2.5], rtol=1e-13)
+    np.testing.assert_allclose(found.e[-6:].value, [0, 0.1, 0.2] * 2, atol=1e-13)
+
+
+def test_a_map_of_a_grid_has_its_shape_and_units(tmp_path):
+    axes = {"a": np.linspace(2.2, 3.2, 4) * u.au, "e": np.linspace(0.0, 0.2, 5)}
+    grid = ensemble.grid(giants(), primary="Sun", **axes)
+    campaign = ensemble.run(grid, tmp_path / "c", duration=10 * u.yr, dt="30 d", integrator="wisdom-holman",
+                            progress=False)  # fmt: skip
+    assert campaign.map("e_max").shape == (4, 5)
+    assert campaign.map("a_min").unit == u.au
+    np.testing.assert_array_equal(campaign.axes["a"], axes["a"])
+    np.testing.assert_array_equal(campaign.map("a")[:, 0], axes["a"])
+    assert (np.diff(campaign.map("e_max"), axis=1) > 0.0).all()
+    with pytest.raises(InputError, match="no column 'eccentricity'"):
+        campaign.map("eccentricity")
+
+
+def test_particles_come_from_a_catalogue_a_system_or_states():
+    planets = orbits.System.solar_system(epoch="2022-08-09", bodies=["Sun", "Jupiter"])
+    catalogue = orbits.asteroids(30, classes="belt")
+    members = ensemble.particles(planets, catalogue, propagate_to_epoch=True)
+    whole = planets.add_particles(catalogue, propagate_to_epoch=True)
+    assert members.part(0, 30).system() == whole
+    assert ensemble.particles(planets, whole).part(0, 30).system() == whole
+    assert ensemble.particles(whole, whole).part(0, 30).system() == whole
+    states = {"q": whole.q[2:], "v": whole.v[2:], "names": whole.names[2:]}
+    np.testing.assert_array_equal(ensemble.particles(planets, states).q, members.q)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ensemble.particles(giants(), giants()), "no members"),
+        (lambda: ensemble.particles(giants(), 3), "members is 3; expected a catalogue"),
+        (lambda: ensemble.particles(3, {"q": 1, "v": 2}), "bodies is 3; expected an orbits.System"),
+        (lambda: ensemble.particles(giants(), {"q": np.ones(3), "v": np.ones(3)}), r"q has shape \(3,\)"),
+        (lambda: ensemble.systems([]), "no members"),
+        (lambda: ensemble.systems([giants(), 3]), r"members\[1\] is 3"),
+        (lambda: ensemble.systems(giants()), "expected a list"),
+        (lambda: ensemble.systems([giants()] * 2, names=["a"]), "1 names for 2 systems"),
+        (lambda: ensemble.grid(giants(), primary="Sun", a=3.0), "no axes"),
+        (lambda: ensemble.grid(giants(), primary="Sun", a=[]), "an axis"),
+        (lambda: ensemble.grid(3, a=[1, 2]), "neither a System nor a function"),
+        (lambda: ensemble.grid(giants(), a=np.ones(10**5), e=np.ones(10**5)), r"1e\+10 points"),
+        (lambda: ensemble.clones(giants(), "Jupiter", covariance=COVARIANCE, count=0), "count must be"),
+    ],
+)
+def test_what_is_no_ensemble_is_refused(make, message):
+    with pytest.raises(InputError, match=message):
+        make()
+
+
+def test_blocks_of_few_members_and_of_many_have_a_size_by_their_work():
+    def size(count, **options):
+        plan = ensemble.Plan(belt(10) if count == 10 else many(count), integrator="wisdom-holman", **options)
+        return plan.block_size(plan.grid(giants()), 3)
+
+    def many(count):
+        return ensemble.particles(giants(), {"q": np.ones((count, 3)), "v": np.ones((count, 3))})
+
+    assert size(10, duration=1000, dt=10) == 10
+    assert size(100_000, duration="1000 yr", dt="10 d") == 816  # 3e7 particle steps
+    assert size(100_000, duration="1 yr", dt="10 d") == 6240  # a sixteenth
+    assert size(100_000, duration="1 Myr", dt="10 d") == 64
+    assert size(100_000, duration="100 yr", dt="10 d", samples=10_000) == 544  # 256 MB
+    assert size(1000, duration="100 yr", dt="10 d") == 48  # so that there are sixteen and more
+    assert size(1000, duration="100 yr", dt="10 d", block=7) == 7

@@ -1,0 +1,256 @@
+"""The kinds of pictures of a run: what they show is what the samples are, and what they cannot show is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.errors import InputError, UnknownNameError
+from orbits.plotting import style
+from orbits.plotting.histories import pieces
+from orbits.plotting.resonances import integers_of, libration
+from tests.plotting import seen
+from tests.plotting.runs import about_a_star
+from tests.plotting.test_merged_runs import BODIES
+
+PLANETS = {"inner": {"a": 1.0, "e": 0.2, "pomega": 1.0}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0, "inc": 0.3}}
+MANY = {f"rock {k}": {"a": 2.0 + 0.003 * k, "e": 0.001 * k, "M": 1.0 * k} for k in range(300)}
+
+
+@pytest.fixture(scope="module")
+def kepler() -> orbits.Trajectory:
+    times = np.linspace(0.0, 36525.0, 60)
+    return about_a_star(PLANETS, times, units=orbits.SOLAR, epoch="2000-01-01T12:00:00")
+
+
+@pytest.fixture(scope="module")
+def many() -> orbits.Trajectory:
+    run = about_a_star(MANY, np.linspace(0.0, 60.0, 50))
+    q, v = run.q.value.copy(), run.v.value.copy()
+    q[20:, 7] = v[20:, 7] = np.nan  # retired
+    return orbits.Trajectory(run.system, run.times, q, v, step=1.0, integrator=run.integrator)
+
+
+@pytest.fixture(scope="module")
+def merged() -> orbits.Trajectory:
+    system = orbits.System.from_elements(BODIES, units=orbits.DIMENSIONLESS)
+    return orbits.propagate(system, duration=20.0, events=orbits.Collision(then=orbits.Merge()))
+
+
+@pytest.fixture(scope="module")
+def resonant() -> orbits.Trajectory:
+    """A planet, and three bodies on fixed ellipses: in the 2:1 resonance exactly, near it, and a Trojan."""
+    a = 2.0 ** (-2.0 / 3.0)
+    bodies = {
+        "planet": {"a": 1.0},
+        "in": {"a": a, "e": 0.2, "pomega": 1.0, "M": 0.3},
+        "near": {"a": 1.02 * a, "e": 0.1},
+        "trojan": {"a": 1.0, "e": 0.05, "M": np.pi / 3, "pomega": 0.0},
+    }
+    run = about_a_star(bodies, np.linspace(0.0, 600.0, 900))
+    gm = run.system.values.gm.copy()
+    gm[1] = 1e-12  # it counts as a planet; the ellipses are those of massless bodies
+    system = run.system.replaced(gm=gm)
+    return orbits.Trajectory(system, run.times, run.q.value, run.v.value, step=1.0, integrator=run.integrator)
+
+
+def panel(figure, label):
+    return next(axes for axes in figure.axes if label in axes.get_ylabel() + axes.get_xlabel())
+
+
+def line_of(axes, name):
+    return next(line for line in axes.lines if line.get_label().startswith(name))
+
+
+@pytest.mark.parametrize(
+    ("name", "of"),
+    [
+        *((name, of) for name in ("paths", "elements", "phase") for of in ("kepler", "many", "merged")),
+        ("resonance", "resonant"),
+        ("error", "merged"),
+        ("energy", "merged"),
+    ],
+)
+def test_nothing_overlaps_in_a_picture_of_any_kind(name, of, request):
+    more = {"resonance": "2:1"} if name == "resonance" else {}
+    figure = seen.laid_out(request.getfixturevalue(of).plot(name, **more))
+    assert seen.colliding_tick_labels(figure) == []
+    assert seen.legends_on_panels(figure) == []
+    assert seen.captions_on_legends(figure) == []
+    assert seen.outside(figure) == []
+
+
+def test_lines_of_elements_are_the_elements_of_the_run(kepler):
+    figure = kepler.plot("elements", elements=("a", "e", "inc"))
+    known = kepler.elements("star")
+    for label, key, unit in (("axis a", "a", u.au), ("eccentricity", "e", ""), ("inclination", "inc", u.deg)):
+        for name in PLANETS:
+            t, drawn = line_of(panel(figure, label), name).get_data()
+            assert np.allclose(drawn, known[name].__getattribute__(key).to_value(unit), rtol=1e-13, atol=1e-13)
+            assert np.allclose(t, kepler.times / 365.25)
+    assert panel(figure, "time").get_xlabel() == "time since 2000-01-01 12:00 TDB [yr]"
+    assert "ecliptic of J2000" in figure.axes[0].get_title(loc="left")
+
+
+def test_the_upper_edge_of_a_time_axis_has_the_years_of_the_calendar(kepler):
+    figure = seen.laid_out(kepler.plot("elements"))
+    (upper,) = figure.axes[0].child_axes
+    assert [label.get_text() for label in upper.get_xticklabels() if label.get_text() in ("2000", "2100")]
+    low, high = upper.get_xlim()
+    assert low < 2000.0 < 2100.0 < high
+
+
+def test_a_line_is_interrupted_where_its_angle_goes_over_the_edge():
+    t, values = pieces(np.arange(5.0), np.array([300.0, 350.0, 20.0, 60.0, 90.0]), 360.0)
+    assert np.isnan(values[2])
+    assert np.isnan(t[2])
+    assert values[[0, 1, 3, 4, 5]].tolist() == [300.0, 350.0, 20.0, 60.0, 90.0]
+
+
+def test_elements_go_through_mergers_with_the_masses_of_each_moment_and_mark_the_end_of_a_body(merged):
+    figure = merged.plot("elements")
+    axes = panel(figure, "axis a")
+    for k in (0, -1):
+        alone = merged[k].elements("star")
+        assert line_of(axes, "b").get_data()[1][k] == pytest.approx(alone["b"].a.value.item(), rel=1e-13)
+    drawn = line_of(axes, "a").get_data()[1]
+    assert np.isnan(drawn[-1])
+    crosses = [line for line in axes.lines if line.get_marker() == "x"]
+    assert len(crosses) == 1
+    last = np.flatnonzero(np.isfinite(drawn))[-1]
+    assert crosses[0].get_data()[0] == pytest.approx(merged.times[last])
+    triangles = [line for line in axes.lines if line.get_marker() == "^"]
+    assert len(triangles) == 1
+    assert triangles[0].get_data()[0] == pytest.approx(merged.events.time.value[0])
+    assert any("triangles: merger" in text for text in seen.texts(figure))
+
+
+def test_hundreds_of_bodies_are_one_collection_of_lines_and_a_retired_one_ends_with_a_cross(many):
+    axes = panel(many.plot("elements"), "axis a")
+    (lines,) = axes.collections
+    assert len(lines.get_segments()) == 300
+    (cross,) = [line for line in axes.lines if line.get_marker() == "x"]
+    assert cross.get_data()[0] == pytest.approx(many.times[19])
+    assert axes.get_legend() is None
+
+
+def test_phase_planes_have_equal_scales_about_the_origin_and_both_ends(kepler):
+    figure = kepler.plot("phase")
+    plane = panel(figure, "cos")
+    assert plane.get_xlim() == plane.get_ylim()
+    assert plane.get_xlim()[0] == -plane.get_xlim()[1]
+    dots = next(line for line in plane.lines if len(line.get_data()[0]) == len(kepler))
+    known = kepler.elements("star")["inner"]
+    assert np.allclose(dots.get_data(), [known.k.value, known.h.value], atol=1e-13)
+
+
+def test_a_resonant_angle_of_exact_resonance_stands_still_and_others_circulate(resonant):
+    figure = resonant.plot("resonance", resonance="2:1", bodies=["in", "near"])
+    over = panel(figure, "time")
+    # phi = 2 L - l - pomega = -M(0) - 2 pomega at the start, with L = 0: -0.3 - 2 rad.
+    assert np.allclose(np.degrees(-2.3) + 360.0, line_of(over, "in").get_data()[1], atol=1e-6)
+    assert line_of(over, "in").get_label() == "in: librates, 228° ± 0°"
+    assert line_of(over, "near").get_label() == "near: circulates"
+    assert "φ = 2λ′ − λ − ϖ" in over.get_ylabel()
+    trojan = resonant.plot("resonance", resonance=(1, 1), bodies=["trojan"])
+    assert line_of(panel(trojan, "time"), "trojan").get_label().startswith("trojan: librates, 60°")
+
+
+def test_bodies_far_from_a_resonance_are_not_said_to_librate(resonant):
+    figure = resonant.plot("resonance", resonance="2:1")
+    assert any("1 body far" in text for text in seen.texts(figure))
+    assert not any("trojan" in text for text in seen.texts(figure))
+    named = resonant.plot("resonance", resonance="2:1", bodies=["in", "trojan"])
+    assert line_of(panel(named, "time"), "trojan").get_label() == "trojan: far from the resonance"
+
+
+def test_libration_is_the_arc_in_which_an_angle_stays():
+    angle = np.radians(350.0 + 30.0 * np.sin(np.linspace(0.0, 50.0, 1001)))
+    centre, reach = libration(angle)
+    assert centre == pytest.approx(350.0, abs=0.1)
+    assert reach == pytest.approx(30.0, abs=0.1)
+    assert libration(np.linspace(0.0, 40.0, 1001))[0] is None
+    assert libration(np.radians(25.0) * np.arange(200))[0] is None  # the gaps of samples that are far apart
+    assert libration(angle[:10])[0] is None
+
+
+def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
+    system = orbits.System.from_elements(
+        {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.2, "gm": 1e-3}}, units=orbits.DIMENSIONLESS
+    )
+    given = {"duration": 100.0, "samples": 51, "check_step": False}
+    run = orbits.propagate(system, "stormer-verlet", dt=0.02, **given)
+    exact = orbits.propagate(system, **given)
+    figure = run.plot("error", reference=exact)
+    energy, positions = figure.axes
+    assert (energy.get_xscale(), energy.get_yscale(), positions.get_yscale()) == ("log",) * 3
+    drawn = line_of(positions, "planet").get_data()[1]
+    assert np.allclose(drawn, np.linalg.norm((run["planet"].q - exact["planet"].q).value, axis=1)[1:])
+    largest = line_of(energy, "energy").get_data()[1]
+    assert largest[-1] == pytest.approx(run.drift().energy.max_fraction)
+    dotted = [line for line in energy.lines if line.get_linestyle() == ":"]
+    slopes = [np.polyfit(*np.log(line.get_data()), 1)[0] for line in dotted]
+    assert slopes == pytest.approx([0.5, 1.0])
+    assert len(merged.plot("error").axes) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "error", "message"),
+    [
+        ("element", {}, UnknownNameError, "expected one of 'paths', 'elements', 'phase', .* Did you mean 'elements'"),
+        (3, {}, UnknownNameError, "kind is 3"),
+        ("elements", {"resonance": "3:1"}, InputError, "takes no resonance; it takes elements, primary"),
+        ("elements", {"elements": ("a", "Z")}, UnknownNameError, "there is no element 'Z' to draw"),
+        ("elements", {"elements": ()}, InputError, "elements is empty"),
+        ("elements", {"primary": "inner"}, InputError, "inner has no mass"),
+        ("elements", {"bodies": ["star"]}, InputError, "no other body is asked for"),
+        ("phase", {"bodies": ["Vulcan"]}, UnknownNameError, "Vulcan"),
+        ("resonance", {}, InputError, "give resonance='3:1'"),
+        ("resonance", {"resonance": "3:1"}, InputError, "there is none; give planet="),
+        ("resonance", {"resonance": "three"}, InputError, "two whole numbers"),
+        ("error", {"reference": 3}, InputError, "expected a Trajectory"),
+        ("error", {}, InputError, r"of star alone, which nothing perturbs; .*, and no errors of positions are known"),
+        ("energy", {}, InputError, "nothing to draw: energy and angular momentum are those of star alone"),
+    ],
+)
+def test_what_a_picture_cannot_show_is_said(kepler, kind, options, error, message):
+    with pytest.raises(error, match=message):
+        kepler.plot(kind, **options)
+
+
+def test_a_resonance_that_no_body_is_near_and_samples_too_far_apart_are_refused(resonant):
+    with pytest.raises(InputError, match=r"is near the 3:1 resonance with planet: the nearest, in, goes round 2"):
+        resonant.plot("resonance", resonance="3:1", bodies=["in", "near"])
+    with pytest.raises(InputError, match="turns of the angle apart, so that it cannot be followed"):
+        resonant[::300].plot("resonance", resonance="2:1", bodies=["near"])
+    assert [integers_of(x) for x in ("3:1", "2/3", (7, 4))] == [(3, 1), (2, 3), (7, 4)]
+
+
+def test_colours_of_lines_are_safe_for_the_colour_blind(kepler):
+    figure = kepler.plot("elements")
+    assert {line.get_color() for line in figure.axes[0].lines} <= {*style.PALETTE, *style.BODY_COLOURS.values()}
+
+
+def test_a_body_that_moves_straight_towards_the_primary_at_a_sample_has_no_elements_there_and_is_drawn_elsewhere() -> (
+    None
+):
+    q = [[0.97000436, -0.24308753, 0], [-0.97000436, 0.24308753, 0], [0, 0, 0]]
+    half = [0.466203685, 0.43236573, 0]
+    system = orbits.System(
+        ["A", "B", "C"], gm=[1, 1, 1], q=q, v=[half, half, [-0.93240737, -0.86473146, 0]], units=orbits.DIMENSIONLESS
+    )
+    run = orbits.propagate(system, dt=0.01, duration=2.0, samples=21, progress=False)
+    lines = panel(run.plot("elements"), "eccentricity").lines
+    values = next(line for line in lines if len(line.get_ydata()) == 21).get_ydata()
+    assert np.isnan(values[0])  # B starts with the velocity of A
+    assert np.isfinite(values[1:]).all()
+
+
+def test_a_picture_of_energy_says_how_many_events_it_has_no_lines_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("orbits.plotting.errors_over_time.MOST_EVENTS", 2)
+    system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Mars", "Jupiter"])
+    run = orbits.propagate(system, dt="5 d", duration="9 yr", samples=9, events=orbits.Pericentre("Mars"))
+    assert len(run.events) > 2
+    assert f"events, the first 2 of {len(run.events)}" in " ".join(seen.texts(run.plot("energy"))).replace("\n", " ")
