@@ -43,6 +43,21 @@ class Pendulum(Plain):
         return -np.cos(q)[:, None], np.zeros((1, 1)), np.eye(1)
 
 
+class Bratu(Plain):
+    """q'' = -exp(q), which leads from 0 back to 0 in a time of at most sqrt(3.5138) = 1.8745 (Bratu's problem)."""
+
+    name, dimension = "Bratu's problem", 1
+
+    def value(self, q, v, t=0.0):
+        return 0.5 * v[0] ** 2 - np.exp(q[0])
+
+    def gradients(self, q, v, t=0.0):
+        return -np.exp(q), v.copy()
+
+    def hessians(self, q, v, t=0.0):
+        return -np.exp(q)[:, None], np.zeros((1, 1)), np.eye(1)
+
+
 class Driven(Plain):
     """A Duffing oscillator with a force that depends on time and a mass that depends on position: not separable."""
 
