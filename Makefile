@@ -18,8 +18,9 @@ BENCH := $(VENV)/.installed-bench
 DOCS := $(VENV)/.installed-docs
 
 # The suite on all cores, up to four: a worker takes 2 GB. Each begins with a part of its own, so that few kernels are
-# compiled twice, and takes over from another when it is done.
-WORKERS := --numprocesses auto --maxprocesses 4 --dist worksteal
+# compiled twice, and takes over from another when it is done. A test that hangs is named, with all stacks, and the
+# others go on.
+WORKERS := --numprocesses auto --maxprocesses 4 --dist worksteal --timeout 1200 --timeout-method thread
 
 .DEFAULT_GOAL := help
 .PHONY: run test contracts faults bench slow docs clean help
