@@ -25,9 +25,9 @@ from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock
 
 STUDIES = [
-    *("arenstorf", "brouwer", "de440", "discrete_kepler", "eccentric", "euler_top", "figure_eight", "liouville"),
-    *("mercury", "outer_solar_system", "pendulum", "planetesimals", "pleiades", "resonance_map", "three_body_zoo"),
-    "work_precision",
+    *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight"),
+    *("hyperion", "liouville", "mercury", "mercury_spin", "outer_solar_system", "pendulum", "planetesimals"),
+    *("pleiades", "resonance_map", "three_body_zoo", "work_precision"),
 ]
 SHORT = {
     "kepler": {"duration": 3.0, "samples": 21},
