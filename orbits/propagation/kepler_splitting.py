@@ -191,7 +191,7 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
 def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> None:
     """Warn of massless particles that start within `HILL_RADII` of a planet: most have no passage to be seen by."""
     values, sun = system.values, _dominant(system)
-    planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun])
+    planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun], dtype=int)
     rows = np.flatnonzero(~system.massive)
     q, about = values.q[rows] - values.q[sun], values.q[planets] - values.q[sun]
     where = near_a_planet(q, about, values.gm[planets], float(values.gm[sun]))
