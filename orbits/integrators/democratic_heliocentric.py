@@ -154,7 +154,6 @@ def stretch(method, unit, factor):
 class DemocraticHeliocentric(OnKeplerOrbits):
     """The steps of a Wisdom–Holman map in democratic heliocentric coordinates, which are marched in the carry."""
 
-    least_bodies: ClassVar[int] = 1
     kernels: ClassVar[Mapping[str, Any]] = {
         "enter": enter,
         "leave": leave,

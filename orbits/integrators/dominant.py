@@ -11,8 +11,8 @@ DOMINANT = 0.9
 """Fraction of the total mass that the dominant body must have."""
 
 
-def require_dominant(parameters: Any, least: int = 2) -> None:
-    """Raise InputError for softened gravity, for fewer than `least` bodies, and if none dominates the others.
+def require_dominant(parameters: Any) -> None:
+    """Raise InputError for softened gravity, and if no body dominates the others.
 
     parameters : softening^2, GM1, ...
     """
@@ -21,12 +21,6 @@ def require_dominant(parameters: Any, least: int = 2) -> None:
         raise InputError(
             "a Wisdom–Holman step moves the planets on Kepler orbits about point masses; got a softening. Use "
             "softening = 0, or a method such as Gauss(stages=8)."
-        )
-    if len(gm) < least:
-        raise InputError(
-            "a Wisdom–Holman step in Jacobi coordinates needs a planet beside the dominant body; there is a single "
-            "massive body. WisdomHolman(coordinates='democratic-heliocentric') moves massless particles about it "
-            "exactly, whatever the step; or use Gauss(stages=8)."
         )
     if not gm.max() > DOMINANT * gm.sum():
         got = f"the heaviest of these {len(gm)} has {100 * gm.max() / gm.sum():.3g} %"

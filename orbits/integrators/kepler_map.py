@@ -38,8 +38,7 @@ from orbits.integrators.kepler_map_steps import (
     stretch,
     trace,
 )
-from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, keep_particles, rows_of
-from orbits.kernels.interaction import STATE_ROWS
+from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, in_order, keep_particles, rows_of
 from orbits.kernels.jacobi import (
     TRACE_ROWS,
     number_planets,
@@ -176,8 +175,8 @@ def outwards(gm: Array, q: Array, v: Array) -> list[int]:
     form = KeplerSplitting("standard", 0)
     planets = np.zeros((form.carry_rows(q.size), WIDTH))
     number_planets(np.concatenate([[0.0], gm]), q.T.ravel(), v.T.ravel(), planets)
-    first = STATE_ROWS * registers_for(q.size)
-    return [int(planets[first, 6]), *(int(x) for x in planets[first + 2 :].ravel()[: len(gm) - 1])]
+    found: list[int] = in_order(planets, len(gm)).tolist()
+    return found
 
 
 def _ordinal(row: int) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.integrators.dominant import registers_for, require_dominant
 from orbits.integrators.forms import Array, Form
@@ -50,19 +51,25 @@ def rows_of(stages: Iterable[tuple[int, float]]) -> Array:
     return np.array(list(stages), dtype=np.float64).reshape(-1, 2)
 
 
+def in_order(carry: Array, n: int) -> NDArray[np.int64]:
+    """Return the numbers of n bodies in the order of a map whose carry this is, (n,): the dominant one, then the
+    planets outwards.
+    """
+    first = STATE_ROWS * registers_for(3 * n)
+    return np.append(carry[first, 6], carry[first + 2 :].ravel()[: n - 1]).astype(np.int64)
+
+
 @dataclass(frozen=True)
 class OnKeplerOrbits(Form):
     """Base of the forms of Wisdom–Holman maps.
 
     among_particles : whether the planets leave tables for massless particles
     more_kernels : what is then added to `kernels`
-    least_bodies : how many massive bodies the steps take
     """
 
     among_particles: bool = field(default=False, kw_only=True)
 
     more_kernels: ClassVar[Mapping[str, Any]]
-    least_bodies: ClassVar[int] = 2
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels of this instance."""
@@ -95,5 +102,5 @@ class OnKeplerOrbits(Form):
         """Nothing in the carry depends on the length of the steps."""
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
-        """Raise InputError for softened gravity, for too few bodies, and if none dominates the others."""
-        require_dominant(parameters, self.least_bodies)
+        """Raise InputError for softened gravity, and if no body dominates the others."""
+        require_dominant(parameters)

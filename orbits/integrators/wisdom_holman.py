@@ -102,10 +102,11 @@ class WisdomHolman(Integrator):
     dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
     of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
     enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
-    others do not change. Terms of positions alone act on it there too; with others it is refused. One that comes
-    within the radius of a body, if the system has radii, is retired where it does.
+    others do not change. All terms of the run act on it there too. One that comes within the radius of a body, if the
+    system has radii, is retired where it does.
 
-    The last bits of a particle that is followed depend on the order in which the massive bodies are given.
+    About a dominant body that is alone, without terms, massless particles move exactly, whatever the step; then none
+    leaves the map, or is warned of.
 
     With `planets="follow"` all bodies leave the map, in both coordinates, at the beginning of the step in which two
     planets come within four mutual Hill radii of each other, or within the way that they make relative to each other in
@@ -113,7 +114,8 @@ class WisdomHolman(Integrator):
     of the step tell. By steps of Gauss(stages=8), chosen as in runs without dt, they then go on until the planets are
     1.1 times as far apart, and enter the map again at the next multiple of the step, with planets that are numbered
     anew. `run.excursions` lists when they left and returned. That is neither reversible in time nor symplectic; without
-    encounters, all bits are those of the map. A planet that stays near another one, as in a pair of them, keeps all
+    encounters, all bits are those of the map, and after one, the last bits depend on the order in which the massive
+    bodies are given. A planet that stays near another one, as in a pair of them, keeps all
     bodies away from the map for good. There is no dense output.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of

@@ -81,13 +81,14 @@ def prepare_room(strength, planets, room):
             body = int(planets[numbers + 2 + register, k])
             gm = strength[1 + body] if body >= 0 else 0.0
             here = 1.0 if body >= 0 else 0.0
+            counted = 1.0 if register + k == 0 else here  # m_0 is read off the first lane, with a planet or without
             all_in = inside + gm
             room[first + ATTRACTING, k] = here * all_in
             room[first + MASS, k] = gm
             room[first + SHARE, k] = gm / all_in
             room[first + OUTER, k] = here * (all_in / inside)
-            room[first + INNER, k] = here / inside
-            room[first + CENTRAL, k] = here * (central / inside)
+            room[first + INNER, k] = counted / inside
+            room[first + CENTRAL, k] = counted * (central / inside)
             room[first + REST, k] = here * _rest(central, gm, all_in, central / inside)
             inside = all_in
 

@@ -187,6 +187,15 @@ def _there(memory, retired, p):
     return there
 
 
+@kernel(inline=True)
+def _is_displaced(model, coefficients):
+    """Return whether what is marched is elsewhere than what is seen. About a body that is alone a corrector leads back
+    to where it began, but not a single motion, without a kick.
+    """
+    stages, alone = coefficients.shape[0] - 1, strength_of(model).shape[0] == 2 and not has_terms(model)
+    return stages > 0 and (stages == 1 or not alone)
+
+
 @kernel
 def enter_among(model, coefficients, planets, room, table, particles, rows, share):
     """Write what is marched of particles share.start ... share.stop - 1 from the states that are seen.
@@ -217,7 +226,7 @@ def enter_among(model, coefficients, planets, room, table, particles, rows, shar
         own[0, ATTRACTED] = gm
     to_momenta(model, planets, room, table, flow_rows(count))
     change_momenta(model, table, (memory, retired, rows, share), -1.0)
-    if coefficients.shape[0] > 1 and (count > 0 or has_terms(model)):
+    if _is_displaced(model, coefficients):
         _correct(model, coefficients, planets, room, table, (memory, retired, rows, share), 1.0)
 
 
@@ -230,7 +239,7 @@ def leave_among(model, coefficients, planets, room, table, particles, rows, shar
     (q, q_lo, v, v_lo), memory, retired = particles
     strength = strength_of(model)
     count = strength.shape[0] - 2
-    if coefficients.shape[0] > 1 and (count > 0 or has_terms(model)):
+    if _is_displaced(model, coefficients):
         _correct(model, coefficients, planets, room, table, (memory, retired, rows, share), -1.0)
     to_velocities(model, planets, room, table, flow_rows(count))
     change_momenta(model, table, (memory, retired, rows, share), 1.0)

@@ -60,7 +60,7 @@ from orbits.kernels.watch import watch_at
 from orbits.marching.bodies_between import Field
 from orbits.marching.driver import march_particles
 from orbits.marching.own_clocks import BEFORE, NEXT, REACHED, Shared, follow
-from orbits.marching.own_steps_log import ENTRIES, TOUCH, WANTED, Log, hide, log_state, look
+from orbits.marching.own_steps_log import ENTRIES, TOUCH, WANTED, Log, begin_log, hide, log_state, look
 
 SKIPPED = -1
 """The status of a particle that is away, while others are marched in lanes."""
@@ -110,11 +110,14 @@ class Away(NamedTuple):
     """What a particle needs for steps of its own.
 
     method, field, shared, log : see `orbits.marching.own_clocks.follow`, as `clock`, whose numbers alone are read
+    model : with the bodies in the order of the map, `log.order`, as in `field`: so no sum over them depends on another
     whole : the coefficients of a step of the bodies; scratch : of one of these, and of a particle's own
     carry, times : (3, 8) and (4,), of its own steps; reached : (steps,) bool, the steps of the bodies in `field`
+    bodies : (4, padded), a state of the bodies in this order
     """
 
     method: Any
+    model: Any
     clock: Any
     field: Any
     shared: Any
@@ -124,6 +127,7 @@ class Away(NamedTuple):
     carry: Any
     times: Any
     reached: Any
+    bodies: Any
 
 
 @kernel
@@ -140,29 +144,49 @@ def _with_planets(here):
     return Storage(here.planets, here.storage.scratch, here.storage.stages, here.storage.share)
 
 
+@kernel(inline=True)
+def _in_order(order, source, first, out, begin):
+    """Write a vector of the bodies in the order of the map; first, begin : where it begins, and where it goes."""
+    n = order.shape[0]
+    for i in range(n):
+        for axis in range(0, 3 * n, n):
+            out[begin + axis + i] = source[first + axis + order[i]]
+
+
 @kernel
-def _state_of_bodies(here, field, k):
+def _trace(here, away, k):
+    """Write the state of the bodies at the beginning of step k, as observers see it, into the path of the field."""
+    stride = here.rules.stride
+    for first in range(2 * k * stride, 2 * (k + 1) * stride, stride):
+        _in_order(away.log.order, here.rules.path, first, away.field.path, first)
+
+
+@kernel
+def _state_of_bodies(here, away, k):
     """Return the state of the bodies at the beginning of step k, uncorrected, in doubled precision, and write it into
     the path of the field.
     """
     _copy_planets(here, k)
     state, (_, h) = State(here.bodies[0], here.bodies[1], here.bodies[2], here.bodies[3]), step_of(here.clock, k)
     leave(here.method, here.model, h, state, _with_planets(here))
-    stride = state.q.shape[0]
-    begin = 2 * k * stride
-    for i in range(stride):
-        field.path[begin + i], field.path[begin + stride + i] = state.q[i], state.p[i]
+    order, path, stride = away.log.order, away.field.path, state.q.shape[0]
+    _in_order(order, state.q, 0, path, 2 * k * stride)
+    _in_order(order, state.p, 0, path, (2 * k + 1) * stride)
     return state
 
 
 @kernel
 def _learn_step(here, away, k):
     """Let the bodies take step k by Gauss, from their state at its beginning; return the status."""
-    state, (t, h), carry = _state_of_bodies(here, away.field, k), step_of(here.clock, k), away.field.kicks[k]
+    (t, h), carry = step_of(here.clock, k), away.field.kicks[k]
+    _state_of_bodies(here, away, k)
+    state = State(away.bodies[0], away.bodies[1], away.bodies[2], away.bodies[3])
+    for part in range(4):
+        _in_order(away.log.order, here.bodies[part], 0, away.bodies[part], 0)
     for row in range(carry.shape[0]):
         store(carry, row, full(0.0))
     storage = Storage(carry, away.scratch, away.field.stages[k], Share(0, state.q.shape[0], None))
-    status, _, _ = step(Method(away.method.tag, away.whole), here.model, t, h, state, storage)
+    status, _, _ = step(Method(away.method.tag, away.whole), away.model, t, h, state, storage)
     away.reached[k] = True
     return status
 
@@ -217,9 +241,9 @@ def _leave_map(here, k):
 
 
 @kernel
-def _enter_map(here, field, k, particle):
+def _enter_map(here, away, k, particle):
     """Let a particle enter the map at the beginning of step k."""
-    state, memory = _state_of_bodies(here, field, k), here.storage.carry
+    state, memory = _state_of_bodies(here, away, k), here.storage.carry
     store_particle(here.columns, 0, particle)
     store(memory[0], 0, full(0.0))
     store(memory[0], 1, full(0.0))
@@ -230,14 +254,12 @@ def _enter_map(here, field, k, particle):
 @kernel
 def _log_map(here, away, track, p, slot, start, stop):
     """Log the states of a particle at the beginnings of steps start ... stop - 1, by the map."""
-    stride = here.rules.stride
     for k in range(start, stop):
         if not away.reached[k]:
-            for i in range(2 * k * stride, 2 * (k + 1) * stride):
-                away.field.path[i] = here.rules.path[i]
+            _trace(here, away, k)
         row, zero = 6 * k, 0.0
         log_state(
-            away.method, here.model, away.field, away.log, p, k, 0.0,
+            away.method, away.model, away.field, away.log, p, k, 0.0,
             Particles(
                 track[row, slot], track[row + 1, slot], track[row + 2, slot], zero, zero, zero,
                 track[row + 3, slot], track[row + 4, slot], track[row + 5, slot], zero, zero, zero,
@@ -259,7 +281,7 @@ def _go_through(here, away, columns, track, p, steps, is_away):
         if is_away and not left:
             record_particle(track, k, slot, particle)
             if may_return(here.rules, k, seen_at(track, k), slot):
-                _enter_map(here, away.field, k, particle)
+                _enter_map(here, away, k, particle)
                 is_away = False
         if not is_away:
             begun = k
@@ -278,7 +300,7 @@ def _go_through(here, away, columns, track, p, steps, is_away):
         if status == OK:
             scratch = Storage(away.carry, away.scratch, away.field.stages[k], Share(p, p + 1, None))
             particle, status, count = follow(
-                away.method, here.model, away.clock, away.field, away.shared, k, p, particle, away.times, scratch,
+                away.method, away.model, away.clock, away.field, away.shared, k, p, particle, away.times, scratch,
                 away.log,
             )  # fmt: skip
             evaluations += count
@@ -327,11 +349,9 @@ def _look(here, away, columns, track, p, steps, status):
     """Let observers see the particle at all its steps, alone, and hide it from those of the others."""
     if away.log.context != 0:
         if status == OK:
-            stride = here.rules.stride
-            for i in range(2 * steps * stride, 2 * (steps + 1) * stride):
-                away.field.path[i] = here.rules.path[i]
-            log_state(away.method, here.model, away.field, away.log, p, steps, 0.0, load_particle(columns, p))
-        look(away.method, here.model, away.field, away.log, p)
+            _trace(here, away, steps)
+            log_state(away.method, away.model, away.field, away.log, p, steps, 0.0, load_particle(columns, p))
+        look(away.method, away.model, away.field, away.log, p)
         hide(away.log, p, steps, track)
     away.log.counts[ENTRIES], away.log.counts[WANTED] = 0, 0
 
@@ -342,9 +362,9 @@ def march_handing_over(
     steps, start, stop, observer, context, track,
     begun, carries, path, near, extent, limits, kept, own_memory, own_tables, own_columns, own_retired, rows, bodies,
     planets,
-    own_form, own_table, own_whole, own_numbers, times, own_scratch, own_stages, own_path, own_kicks, chart, modes,
-    known, between, tables, before, ends, own_carry, own_times, reached,
-    own_context, counts, at, log_times, log_path, log_track, found
+    own_form, own_table, own_whole, own_parameters, own_numbers, times, own_scratch, own_stages, own_path, own_kicks,
+    chart, modes, known, between, tables, before, ends, own_carry, own_times, own_bodies, reached,
+    own_context, counts, at, log_times, log_path, log_track, found, order, reaches, seen
 ):  # fmt: skip
     """March massless particles start ... stop - 1 by `steps` steps through the tables of the planets, and by steps of
     their own where the map cannot follow them; the first arguments are those of `march_particles`.
@@ -368,15 +388,16 @@ def march_handing_over(
     for k in range(steps):
         known[k], before[k], reached[k] = False, 0.0, False
         times[k], times[reached.shape[0] + 1 + k] = k * h, h
-    times[steps] = steps * h
+        times[2 * (reached.shape[0] + 1) + k] = step_of(clock, k)[0]
+    times[steps], times[2 * (reached.shape[0] + 1) + steps] = steps * h, step_of(clock, steps)[0]
     away = Away(
-        Method(own_form, own_table), Clock(timing, own_numbers, times),
+        Method(own_form, own_table), Model(tag, own_parameters), Clock(timing, own_numbers, times),
         Field(t, times, own_stages, own_path, own_kicks, chart, modes, known, between), Shared(tables, before, ends),
-        Log(observer, own_context, counts, at, log_times, log_path, log_track, found),
-        own_whole, own_scratch, own_carry, own_times, reached,
+        Log(observer, own_context, counts, at, log_times, log_path, log_track, found, order, reaches, seen),
+        own_whole, own_scratch, own_carry, own_times, reached, own_bodies,
     )  # fmt: skip
-    evaluations, found[0], found[TOUCH] = 0, steps + 1, steps + 1
-    counts[ENTRIES], counts[WANTED] = 0, 0
+    evaluations = 0
+    begin_log(away.log, steps)
     measure_bodies(rules, steps)
     for first in range(start, stop, GROUP):
         last = min(first + GROUP, stop)

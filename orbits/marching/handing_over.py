@@ -5,13 +5,15 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.integrators.canonical_bodies import CanonicalBodies
 from orbits.integrators.collocation import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
+from orbits.integrators.on_kepler_orbits import in_order
 from orbits.kernels.lanes import WIDTH
-from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.adaptive import Adaptive
 from orbits.marching.alignment import aligned
 from orbits.marching.choice import form_of_bodies
@@ -34,7 +36,7 @@ class OwnSteps(NamedTuple):
 
     near: Array
     limits: Array
-    form: Collocation
+    form: Collocation | CanonicalBodies
     radii: Array | None
 
     @classmethod
@@ -44,14 +46,11 @@ class OwnSteps(NamedTuple):
 
         Raises InputError if particles cannot take steps of their own in this problem.
         """
-        if SEPARABLE not in lagrangian.traits:
-            raise InputError(
-                "encounters='follow' lets massless particles take steps of their own by terms of positions alone, such "
-                f"as ZonalHarmonics, so far; got '{lagrangian.name}'. Use encounters='warn' or 'retire'."
-            )
         form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
-        assert isinstance(form, Collocation)
-        limits = np.array([dominant, gm[dominant], 2.0 * np.pi / least_steps])
+        assert isinstance(form, Collocation | CanonicalBodies)
+        # About a single body, which nothing disturbs, the map is exact whatever the step.
+        angle = np.inf if len(gm) == 1 and NEWTONIAN in lagrangian.traits else 2.0 * np.pi / least_steps
+        limits = np.array([dominant, gm[dominant], angle])
         return cls(near_planets(gm, dominant), limits, form, radii)
 
 
@@ -84,30 +83,44 @@ class HandOver:
         width, numbers = len(state["q"]), bound[5]
         path[2 * count * width : 2 * count * width + width] = state["q"]
         path[2 * count * width + width : 2 * (count + 1) * width] = state["v"]
-        h = float(numbers[2])
-        self._now = begun, carries, path, coefficients_of(self._followed.form, h)
+        h, order = float(numbers[2]), in_order(begun, len(self._followed.near[0]))
+        for task in self._tasks:
+            task.own.order[:] = order
+        own = coefficients_of(self._followed.form, h), _ordered(bound[3], order)
+        self._now = begun, carries, path, own
         if watcher is not None:
             arrays = [task.own.arrays for task in self._tasks]
             watcher.follow_own_steps(arrays, (round(numbers[1]), h), self._followed.radii)
 
     def march(self, block: tuple[Any, ...], task: int, context: int) -> int:
         """March the particles of a task; block : the arguments of `march_particles`; context : of their own steps."""
-        mine, (begun, carries, path, whole) = self._tasks[task], self._now
+        mine, (begun, carries, path, bodies_in_order) = self._tasks[task], self._now
         near, limits, form, _ = self._followed
         chart, *field = mine.own.field
         bodies = begun, carries, path, near, mine.extent, limits
-        own = form.tag, mine.own.table, whole, self._numbers, mine.times, *mine.steps, chart, *field, *mine.own.shared
+        steps = self._numbers, mine.times, *mine.steps
+        own = form.tag, mine.own.table, *bodies_in_order, *steps, chart, *field, *mine.own.shared
         log = mine.reached, context, *mine.own.log
         return int(march_handing_over(*block, *bodies, *mine.of_map, *own, *mine.ways, *log))
+
+
+def _ordered(parameters: Any, order: NDArray[np.int64]) -> Any:
+    """Return the parameters of what acts on the bodies for the bodies in another order, (n,) int64."""
+    newton, *terms = parameters if isinstance(parameters, tuple) else (parameters,)
+    strength = np.append(newton[0], newton[1:][order])
+    if not isinstance(parameters, tuple):
+        return strength
+    place = {body: k for k, body in enumerate(order.tolist())}
+    return strength, *(np.append(place[int(own[0])], own[1:]) for own in terms)
 
 
 class _Task:
     """The memory of a task; see `march_handing_over`."""
 
-    def __init__(self, form: Form, own: Collocation, n: int, steps: int) -> None:
+    def __init__(self, form: Form, own: Collocation | CanonicalBodies, n: int, steps: int) -> None:
         size, rows = 3 * n, own.stages_shape(3 * n)
         tables, carry, memory = form.stages_shape(size), form.carry_rows(size), form.particle_carry_rows
-        kept, mine, table, columns, room, bodies, planets, scratch, stages, kicks, ways = aligned(
+        kept, mine, table, columns, room, bodies, planets, scratch, stages, kicks, ways, ordered = aligned(
             (GROUP, memory + MORE_ROWS, WIDTH),
             (1, memory, WIDTH),
             tables,
@@ -119,6 +132,7 @@ class _Task:
             (steps, *rows),
             (steps, own.carry_rows(size), WIDTH),
             (own.particle_carry_rows, WIDTH),
+            (4, padded(size)),
         )
         none = np.zeros((2 * WIDTH, 2), dtype=np.int64)
         self.extent = np.zeros((3, n))
@@ -128,5 +142,5 @@ class _Task:
         # As the workspace of a clock whose steps differ: see `orbits.marching.bodies_between.length_of`.
         self.times = np.zeros(3 * (steps + 1) + 1 + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
         self.steps = scratch, stages, path, kicks
-        self.ways = ways, np.zeros(COLUMNS)
+        self.ways = ways, np.zeros(COLUMNS), ordered
         self.reached = np.zeros(steps, dtype=np.bool_)

@@ -26,7 +26,7 @@ from orbits.kernels.acting import FIGURES, acted_on
 from orbits.kernels.dense import times_reached
 from orbits.kernels.encounters import COLUMNS
 from orbits.kernels.steps import NOWHERE
-from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
+from orbits.lagrangians.base import GIVEN, NEWTONIAN, SEPARABLE, Lagrangian
 from orbits.marching import changing, kepler_passages
 from orbits.marching.adaptive import ALONE, LONGEST, LONGEST_OF_GIVEN, Adaptive
 from orbits.marching.blocks import APART, Blocks, steps_apart
@@ -191,7 +191,8 @@ class Marcher(Blocks):
         self._watcher.given = isinstance(self._form, GivenBodies) and self._form.held(self.model) == n
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
         self._starts_close = np.zeros(0, dtype=np.intp)
-        self._judges_encounters = retire and integrator.retires_in_encounters and not underway
+        exact = n == 1 and NEWTONIAN in lagrangian.traits  # about a body that is alone
+        self._judges_encounters = retire and integrator.retires_in_encounters and not (underway or exact)
         if self._judges_encounters and m:
             sun, x = self._watcher.dominant, q[self._massive]
             planets = np.arange(n) != sun

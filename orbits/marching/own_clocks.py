@@ -59,6 +59,7 @@ from orbits.marching.own_steps_log import (
     TOUCH,
     WANTED,
     Log,
+    begin_log,
     finish_log,
     finish_log_of_lost,
     log_state,
@@ -209,7 +210,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
     begin, wanted, reaches, n = log.counts[ENTRIES], False, shared.before[:0], bodies(model.tag, model.parameters)
     if log.context != 0:
         watch = watch_at(log.context)
-        reaches, wanted = watch.reaches, watch.then != 0 or watch.collide != 0 or watch.dominant < 0
+        reaches, wanted = log.reaches, watch.then != 0 or watch.collide != 0 or watch.dominant < 0
     while steps < MOST_PARTS:
         left, status, taken = H - done, TOO_SHORT, False
         x_kept, y_kept, z_kept = load(carry, 0), load(carry, 1), load(carry, 2)
@@ -272,7 +273,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
 def march_own_clocks(
     form, coefficients, tag, parameters, timing, numbers, times, q, q_lo, v, v_lo, carry, clocks, scratch, stages,
     retired, path, kicks, chart, modes, known, room, tables, before, ends, steps, start, stop, observer, context, track,
-    own_context, counts, at, own_times, own_path, own_track, found
+    own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen
 ):  # fmt: skip
     """March massless particles start ... stop - 1 through `steps` steps of massive bodies, each by a clock of its own.
 
@@ -287,9 +288,9 @@ def march_own_clocks(
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
     clock, shared = Clock(timing, numbers, times), Shared(tables, before, ends)
     field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
-    log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found)
-    evaluations, found[0], found[TOUCH] = 0, steps + 1, steps + 1
-    counts[ENTRIES], counts[WANTED] = 0, 0
+    log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen)
+    evaluations = 0
+    begin_log(log, steps)
     for k in range(steps):
         known[k], before[k] = False, 0.0
     for p in range(start, stop):

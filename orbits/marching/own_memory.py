@@ -19,7 +19,7 @@ class OwnClocks:
 
     table : the coefficients of a step of a particle; field, shared : the arrays of a `Field` and of a `Shared` that
         belong to the task
-    log, arrays : the arrays of a `Log`, and those of its context
+    log, arrays : the arrays of a `Log`, and those of its context; order : of the bodies, one of them
     """
 
     def __init__(self, form: Form, coefficients: Array, n: int, steps: int) -> None:
@@ -37,4 +37,6 @@ class OwnClocks:
         path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)
         self.arrays = {"path": path, "times": times}
         counts, found = np.zeros(2, dtype=np.int64), np.zeros(5, dtype=np.int64)
-        self.log = counts, np.zeros((entries, 2)), times, path, track, found
+        self.order = np.arange(n)
+        seen = self.order, np.zeros(padded(n)), np.zeros((2, stride))
+        self.log = counts, np.zeros((entries, 2)), times, path, track, found, *seen

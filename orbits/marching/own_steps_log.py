@@ -43,6 +43,8 @@ class Log(NamedTuple):
     times, path, track : of the context, with room for as many states; track is NaN but for the particle's lane
     found : (5,) int64, the first condition that was met, as in a row of `hits`, and the number of steps after which a
         body may have been touched, as in `touched`; see `orbits.kernels.watch`
+    order : (n,) int64, the bodies of the observers in the order of those of the field
+    reaches : (padded n,), those of the observers in this order; seen : (2, padded), workspace
     """
 
     observer: Any
@@ -53,6 +55,20 @@ class Log(NamedTuple):
     path: Any
     track: Any
     found: Any
+    order: Any
+    reaches: Any
+    seen: Any
+
+
+@kernel(inline=True)
+def begin_log(log, steps):
+    """Prepare a log for a block of `steps` steps."""
+    log.found[0], log.found[TOUCH] = steps + 1, steps + 1
+    log.counts[ENTRIES], log.counts[WANTED] = 0, 0
+    if log.context != 0:
+        watch = watch_at(log.context)
+        for i in range(log.order.shape[0]):
+            log.reaches[i] = watch.reaches[log.order[i]]
 
 
 @kernel(inline=True)
@@ -77,20 +93,21 @@ def steps_until(log, row):
 @kernel
 def look(method, model, field, log, p):
     """Call the observer for the states logged so far, and keep the last one."""
-    size, last, first = 3 * bodies(model.tag, model.parameters), log.counts[ENTRIES] - 1, p - p % WIDTH
-    stride = padded_length(size)
+    n, last, first = bodies(model.tag, model.parameters), log.counts[ENTRIES] - 1, p - p % WIDTH
+    stride, q, v = padded_length(3 * n), log.seen[0], log.seen[1]
     for row in range(last + 1):
         k, part = int(log.at[row, 0]), log.at[row, 1]
         begin, entry = 2 * k * stride, 2 * row * stride
-        q, v = field.path[begin : begin + stride], field.path[begin + stride : begin + 2 * stride]
-        Q, V = log.path[entry : entry + size], log.path[entry + stride : entry + stride + size]
         log.times[row] = field.times[k]
         if part > 0.0:
             log.times[row] += part * length_of(field, k)
-            state_between(method, model, field, k, part, Q, V)
+            state_between(method, model, field, k, part, q[: 3 * n], v[: 3 * n])
         else:
-            for i in range(size):
-                Q[i], V[i] = q[i], v[i]
+            for i in range(3 * n):
+                q[i], v[i] = field.path[begin + i], field.path[begin + stride + i]
+        for i in range(3 * n):
+            at = entry + (i - i % n) + log.order[i % n]
+            log.path[at], log.path[at + stride] = q[i], v[i]
     watch = watch_at(log.context)
     call_observer(log.observer, log.context, log.track, field.times[1] - field.times[0], last, first, p + 1)
     if watch.then != 0:

@@ -21,11 +21,10 @@ from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
 from orbits.integrators.base import Integrator
 from orbits.integrators.wisdom_holman import WisdomHolman
-from orbits.lagrangians.base import ABOUT_ONE_BODY, SEPARABLE
+from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.approach import Approach
 from orbits.propagation.step_check import in_digits
-from orbits.system.model import model
 
 if TYPE_CHECKING:
     from orbits.integrators.forms import Array
@@ -97,12 +96,6 @@ def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
                 f"{integrator.label} takes terms of the dominant body alone, {sun!r}; got {type(term).__name__} of "
                 f"{term.body!r}. Leave it out, or use a method such as Gauss(stages=8)."
             )
-    if integrator.follows_encounters and not system.massive.all() and not _can_follow(system):
-        raise InputError(
-            f"{integrator.label} lets massless particles take steps of their own by terms of positions alone, such as "
-            f"ZonalHarmonics; got {', '.join(type(term).__name__ for term in system.terms)}. Use encounters='warn' or "
-            "'retire', or Gauss(stages=8) with dt=..."
-        )
 
 
 def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
@@ -131,7 +124,7 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
             StepWarning,
             stacklevel=level_of_caller(),
         )
-    if orbits and not system.massive.all() and not integrator.follows_encounters:
+    if not _is_exact(system) and not system.massive.all() and not integrator.follows_encounters:
         _warn_of_particles(system, integrator, h, span)
         if not integrator.retires_in_encounters:
             _warn_of_particles_near_planets(system, integrator)
@@ -145,6 +138,11 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
             StepWarning,
             stacklevel=level_of_caller(),
         )
+
+
+def _is_exact(system: System) -> bool:
+    """Return whether nothing acts but the attraction of a single body: steps of any length are then exact."""
+    return bool(system.massive.sum() == 1 and not system.terms)
 
 
 def _remedy_for_planets(integrator: Integrator) -> str:
@@ -179,8 +177,7 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
     enough = abs(h) * float(steps[worst[0]]) / least
     remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
-    follow = _following(system, integrator)
-    instead = f"{follow} lets each take steps of its own there" if follow else "use Gauss(stages=8)"
+    instead = f"{_following(integrator)} lets each take steps of its own there"
     warnings.warn(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: fewer than "
         f"{least} steps in a full turn resonate with the motion at a pericentre, and errors do not average out:\n"
@@ -194,7 +191,7 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
 def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> None:
     """Warn of massless particles that start within `HILL_RADII` of a planet: most have no passage to be seen by."""
     values, sun = system.values, _dominant(system)
-    planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun])
+    planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun], dtype=int)
     rows = np.flatnonzero(~system.massive)
     q, about = values.q[rows] - values.q[sun], values.q[planets] - values.q[sun]
     where = near_a_planet(q, about, values.gm[planets], float(values.gm[sun]))
@@ -207,10 +204,7 @@ def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> N
         distance = in_digits(float(np.linalg.norm(values.q[row] - values.q[planet])), system.units.length)
         lines.append(f"{system.names[row]} is {distance} from {system.names[planet]}")
     more = f", and {len(close) - SHOWN:,} more" if len(close) > SHOWN else ""
-    one, follow = len(close) == 1, _following(system, integrator)
-    remedy = "Use Gauss(stages=8)."
-    if follow:
-        remedy = f"Use {follow}, or Gauss(stages=8) without dt."
+    one, remedy = len(close) == 1, f"Use {_following(integrator)}, or Gauss(stages=8) without dt."
     warnings.warn(
         f"{len(close):,} massless particle{' starts' if one else 's start'} within {HILL_RADII:.0f} Hill radii of a "
         f"planet, where {integrator.label} cannot follow {'it' if one else 'them'}: {', '.join(lines)}{more}. {remedy}",
@@ -219,17 +213,8 @@ def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> N
     )
 
 
-def _can_follow(system: System) -> bool:
-    """Return whether particles can take steps of their own: by forces that depend on positions alone."""
-    return SEPARABLE in model(system).lagrangian.traits
-
-
-def _following(system: System, integrator: Integrator) -> str:
-    """Return what lets particles take steps of their own: an option of the method, or another method; "" if nothing
-    does.
-    """
-    if not _can_follow(system):
-        return ""
+def _following(integrator: Integrator) -> str:
+    """Return what lets particles take steps of their own: an option of the method, or another method."""
     return 'encounters="follow"' if isinstance(integrator, WisdomHolman) else 'WisdomHolman(encounters="follow")'
 
 
@@ -250,7 +235,7 @@ def encounters(
         if seen.dominant in (passage.body, passage.other):
             lighter = passage.other if passage.body == seen.dominant else passage.body
             resolved = not is_unresolved(h, passage.distance, passage.speed, integrator.least_steps)
-            if (perturbed or not massive[lighter]) and not resolved and massive.sum() > 1:
+            if (perturbed or not massive[lighter]) and not resolved and not _is_exact(system):
                 found.append((passage.distance / abs(h * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
@@ -307,7 +292,7 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
     whose += " of massive bodies" * of_planets
     remedy = _remedy_for_planets(run.integrator)
     if not of_planets:
-        remedy = f"All others are right. {_remedy_for_particles(run.system, run.integrator)}"
+        remedy = f"All others are right. {_remedy_for_particles(run.integrator)}"
     hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
     warnings.warn(
         f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:\n"
@@ -318,11 +303,9 @@ def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[
     )
 
 
-def _remedy_for_particles(system: System, integrator: Integrator) -> str:
+def _remedy_for_particles(integrator: Integrator) -> str:
     """Return the advice for particles that the method could not follow."""
-    follow = _following(system, integrator)
-    if not follow:
-        return 'Retire these, with encounters="retire", or use Gauss(stages=8).'
+    follow = _following(integrator)
     if follow.startswith("W"):
         return f'Use {follow}, or retire them, with encounters="retire".'
     return f'Let these take steps of their own there, with {follow}; or retire them, with encounters="retire".'

@@ -63,6 +63,18 @@ def test_other_methods_give_particles_bits_that_do_not_depend_on_the_block(tmp_p
         np.testing.assert_array_equal(one[name].q, other[name].q)
 
 
+@pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+def test_particles_that_are_followed_through_encounters_have_bits_that_do_not_depend_on_the_block(tmp_path):
+    near = 5.0
+    options = {**OPTIONS, "integrator": orbits.WisdomHolman(encounters="follow")}
+    one, other = (ensemble.run(belt(40, near), tmp_path / str(b), block=b, **options) for b in (40, 9))
+    for name in one:
+        np.testing.assert_array_equal(one[name].q, other[name].q)
+    left = orbits.propagate(system(40, near), **{**options, "integrator": orbits.WisdomHolman(), "check_step": False})
+    followed = [name for name in one if not np.array_equal(one[name].q, left[name].q)]
+    assert len(followed) > 5
+
+
 def test_a_process_gives_the_bits_of_a_thread(tmp_path):
     one = ensemble.run(belt(40), tmp_path / "threads", block=16, **OPTIONS)
     other = ensemble.run(belt(40), tmp_path / "processes", block=16, workers=1, processes=True, **OPTIONS)

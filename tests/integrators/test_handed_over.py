@@ -63,7 +63,7 @@ def exactly(gm, q, v, time):
 
 
 @pytest.mark.parametrize("h", [DT, -DT])
-def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_of_particles(h):
+def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_of_the_bodies(h):
     """Nor on what is sampled, nor on a checkpoint on the way, in which some particles are away."""
     gm, q, v = with_particles([*CROSSERS[::2], *QUIET, PLUNGER])
     run, steps = marcher(FOLLOW, gm, q, v, h, threads=3), 250
@@ -75,7 +75,7 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
     assert np.array_equal(plain[0][quiet], x[quiet])
     met = ~(plain[0][3:28] == x[3:28]).all(axis=1)
     assert met.sum() > 8
-    order = np.append(np.arange(3), 3 + np.random.default_rng(1).permutation(len(gm) - 3))
+    order = np.append([2, 0, 1], 3 + np.random.default_rng(1).permutation(len(gm) - 3))
     other = marcher(FOLLOW, gm[order], q[order], v[order], h)
     other.block, away = 7, set()
     for count in (20, 37, 93, 100):
@@ -256,9 +256,6 @@ def test_planets_that_meet_end_the_run_if_asked():
 def test_what_does_not_fit_is_refused():
     with pytest.raises(orbits.InputError, match="expected 'warn', 'follow' or 'refuse'"):
         orbits.WisdomHolman(planets="leave")
-    term = orbits.PostNewtonian(sources=["Sun"])
-    with pytest.raises(orbits.InputError, match=r"positions alone.*PostNewtonian.*Use encounters='warn' or 'retire'"):
-        orbits.propagate(system(CROSSERS[:1]).with_terms(term), FOLLOW, dt=DT * u.day, duration=1 * u.yr)
     with pytest.raises(orbits.InputError, match="ejected_beyond is -3; expected a distance above 0"):
         orbits.WisdomHolman(ejected_beyond=-3)
     with pytest.raises(orbits.InputError, match=r"unit of length, such as ejected_beyond=100$"):

@@ -281,10 +281,6 @@ def test_terms_and_forces_that_have_no_flow_are_refused_with_the_methods_that_ta
         orbits.propagate(system.with_terms(flat), DEFAULT, **options)
     with pytest.raises(InputError, match=r"terms of the dominant body alone, the 1st .* got one of the 3rd.*Gauss"):
         orbits.certify(system.with_terms(flat), DEFAULT, dt=3 * u.day)
-    asteroid = system.add("p", primary="Sun", a=2.5 * u.au, e=0.1)
-    following = orbits.WisdomHolman(encounters="follow")
-    with pytest.raises(InputError, match=r"positions alone, .* got PostNewtonian\. Use encounters='warn'"):
-        orbits.propagate(asteroid.with_terms(orbits.PostNewtonian(sources=["Sun"])), following, **options)
     with pytest.raises(InputError, match=r"cannot march bodies with the force of drag.*Gauss"):
         orbits.propagate(system.with_forces(orbits.Drag(rate=1e-6 / u.yr)), DEFAULT, **options)
     term = post_newtonian(0, 100.0)

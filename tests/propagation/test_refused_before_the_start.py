@@ -149,16 +149,10 @@ def test_a_corrector_is_refused_with_a_kernel_or_coordinates_that_it_does_not_fi
         orbits.WisdomHolman(**({"coordinates": "democratic-heliocentric"} | options))
 
 
-@pytest.mark.parametrize(
-    ("gm", "text"),
-    [
-        ([1.0, 0.8, 1e-4], r"with more than 90 % of the mass; the heaviest of these 3 has 55\.6 %\. Use a method"),
-        ([1.0, 0.0, 0.0], r"a planet beside the dominant body; there is a single massive body\. WisdomHolman\(coord"),
-    ],
-)
-def test_a_system_without_a_body_that_dominates_others_is_refused(gm, text):
+def test_a_system_without_a_body_that_dominates_others_is_refused():
+    text = r"with more than 90 % of the mass; the heaviest of these 3 has 55\.6 %\. Use a method"
     with pytest.raises(InputError, match=text):
-        orbits.propagate(around_a_star().replaced(gm=gm), MAP, dt=0.1, duration=1.0, **OPTIONS)
+        orbits.propagate(around_a_star().replaced(gm=[1.0, 0.8, 1e-4]), MAP, dt=0.1, duration=1.0, **OPTIONS)
 
 
 @pytest.mark.parametrize(
