@@ -4,7 +4,8 @@ Sun and planets from DE440, with relativity by the Sun, by a Wisdom–Holman map
 exp(i Omega) of each planet, about the centre of mass of the bodies inside its orbit and in the axes of the invariable
 plane, are sums of rotations: the frequencies g1 to g8 of the perihelia and s1 to s8 of the nodes, of which s5 is 0 in
 these axes, and combinations of them. Each is found by frequency analysis in one planet, as the largest term that is not
-another frequency's; g3 and g4, of which Earth and Mars have about equal parts, are in the order of their size.
+another frequency's; g3 and g4, of which Earth and Mars have about equal parts, are in the order of their size, and so
+are s1 and s2, of which Mercury has.
 Published values serve for comparison only.
 
 Those of the giants are constant to five digits. Those of the inner planets change, as their motion is chaotic: over a
@@ -108,6 +109,8 @@ def frequencies(run):
                 mine.append(name)
     if found.get("g3", 0.0) > found.get("g4", 100.0):
         found["g3"], found["g4"] = found["g4"], found["g3"]
+    if found.get("s1", 0.0) < found.get("s2", -100.0):
+        found["s1"], found["s2"] = found["s2"], found["s1"]
     return {name: found[name] for name in PUBLISHED if name in found}
 
 
