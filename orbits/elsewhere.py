@@ -52,7 +52,6 @@ KEYWORDS = {
     "forces": FORCES,
     "pre_timestep_modifications": FORCES,
     "post_timestep_modifications": FORCES,
-    "heartbeat": "callback=... is called after each sample",
     **dict.fromkeys(("tmax", "t_end", "tend", "t_span", "tspan", "end", "steps", "n_steps", "t"), END),
     **dict.fromkeys(("step", "timestep", "stepsize", "h"), STEPS),
     **dict.fromkeys(("rtol", "atol", "tol", "tolerance", "epsilon", "min_dt"), f"{STEPS}; there is no tolerance"),

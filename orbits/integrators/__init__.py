@@ -52,6 +52,8 @@ def build(description: Mapping[str, Any]) -> Integrator:
 def parse(text: str) -> Integrator:
     """Return the integrator of a text: "gauss", "gauss(stages=4)", "Composition(StormerVerlet(), order=6)".
 
+    Words need no quotes: "wisdom-holman(kernel=lazy)".
+
     Raises UnknownNameError for a name that is not registered and InputError for invalid parameters.
     """
     try:
@@ -65,7 +67,9 @@ def parse(text: str) -> Integrator:
         read = None
     if isinstance(read, Integrator):
         return read
-    raise InputError(f'cannot read the integrator {text!r}; write e.g. gauss, "gauss(stages=4)" or stormer-verlet')
+    raise InputError(
+        f'cannot read the integrator {text!r}; write e.g. gauss, "gauss(stages=4)" or "wisdom-holman(kernel=lazy)"'
+    )
 
 
 def named(method: Integrator | str) -> Integrator:
@@ -87,13 +91,21 @@ def _read(node: ast.expr) -> Any:
     if isinstance(node, ast.Name):
         return build({"name": node.id})
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        names = [f.name for f in dataclasses.fields(_find(node.func.id))]
-        given = dict(zip(names, map(_read, node.args), strict=False))
-        if len(given) < len(node.args):
+        kinds = {f.name: str(f.type) for f in dataclasses.fields(_find(node.func.id))}
+        typed = dict(zip(kinds, node.args, strict=False))
+        if len(typed) < len(node.args):
             raise ValueError(node.func.id)
-        given |= {str(k.arg): _read(k.value) for k in node.keywords}
+        typed |= {str(k.arg): k.value for k in node.keywords}
+        given = {name: _value(each, kinds.get(name, "")) for name, each in typed.items()}
         return build({"name": node.func.id, "parameters": given})
     return ast.literal_eval(node)
+
+
+def _value(node: ast.expr, kind: str) -> Any:
+    """Return a parameter, where a name is text if its annotation, `kind`, is."""
+    if isinstance(node, ast.Name) and "str" in kind:
+        return node.id.replace("_", "-")
+    return _read(node)
 
 
 def _find(name: str) -> type[Integrator]:

@@ -44,6 +44,12 @@ ENCOUNTERS = "warn", "follow", "retire"
 PLANETS = "warn", "follow", "refuse"
 
 
+def _one_of(choices: tuple[str, ...]) -> str:
+    """Return choices in words: 'a', 'b' or 'c'."""
+    *others, last = map(repr, choices)
+    return f"{', '.join(others)} or {last}"
+
+
 def _distance(value: Any, name: str) -> float:
     """Return a distance above 0. Raises InputError for anything else."""
     if has_unit(value):
@@ -145,14 +151,13 @@ class WisdomHolman(Integrator):
 
     def __post_init__(self) -> None:
         if self.coordinates not in COORDINATES:
-            known = " or ".join(map(repr, COORDINATES))
-            raise InputError(f"coordinates is {shown(self.coordinates)}; expected {known}")
+            raise InputError(f"coordinates is {shown(self.coordinates)}; expected {_one_of(COORDINATES)}")
         if self.kernel is None:
             object.__setattr__(self, "kernel", "standard" if self._heliocentric else KERNELS[0])
         if self.corrector is None:
             object.__setattr__(self, "corrector", 0 if self._heliocentric else 17)
         if self.kernel not in KERNELS:
-            raise InputError(f"kernel is {shown(self.kernel)}; expected {', '.join(map(repr, KERNELS))}")
+            raise InputError(f"kernel is {shown(self.kernel)}; expected {_one_of(KERNELS)}")
         if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
@@ -161,11 +166,9 @@ class WisdomHolman(Integrator):
         if self._heliocentric:
             self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
-            *others, last = map(repr, ENCOUNTERS)
-            known = f"{', '.join(others)} or {last}"
-            raise InputError(f"encounters is {shown(self.encounters)}; expected {known}")
+            raise InputError(f"encounters is {shown(self.encounters)}; expected {_one_of(ENCOUNTERS)}")
         if self.planets not in PLANETS:
-            raise InputError(f"planets is {shown(self.planets)}; expected 'warn', 'follow' or 'refuse'")
+            raise InputError(f"planets is {shown(self.planets)}; expected {_one_of(PLANETS)}")
         for name in ("ejected_beyond", "lost_within"):
             value = getattr(self, name)
             if value is not None:

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 BODIES_IN_FULL = 12
 """Up to this many bodies have a line each."""
 
+COLUMNS = 8
+"""The most methods side by side in a table of bodies; others have one below, as narrower columns cannot be read."""
+
 _STYLE = {"ok": "green", "FAIL": "bold red", "n/a": "dim"}
 
 
@@ -31,7 +34,7 @@ def render(report: Report) -> RenderableType:
     if any(row.positions for row in report.rows):
         detailed = report.names if len(report.names) <= BODIES_IN_FULL else report.massive
         if 1 < len(detailed) <= BODIES_IN_FULL:
-            parts.append(_bodies(report, detailed))
+            parts += _bodies(report, detailed)
         if len(report.names) > BODIES_IN_FULL and len(report.massive) < len(report.names):
             parts.append(_particles(report))
     parts += [Text(line) for line in _footer(report)]
@@ -78,18 +81,22 @@ def _methods(report: Report) -> Table:
     return table
 
 
-def _bodies(report: Report, bodies: Sequence[str]) -> Table:
-    table = _table(f"Largest position error{_in(report)} over all samples")
-    rows = [row for row in report.rows if row.positions]
-    table.add_column("body", overflow="fold")
-    for row in rows:
-        table.add_column(_stacked(row.method), justify="right", overflow="fold", min_width=8)
+def _bodies(report: Report, bodies: Sequence[str]) -> list[Table]:
+    columns = [(_stacked(row.method), row.positions) for row in report.rows if row.positions]
     if report.reference is not None:
-        table.add_column("reference\nitself", justify="right", overflow="fold", min_width=8)
-    for body in bodies:
-        own = [] if report.reference is None else [short(report.reference.errors.get(body))]
-        table.add_row(Text(body), *(short(row.positions.get(body)) for row in rows), *own)
-    return table
+        columns.append(("reference\nitself", report.reference.errors))
+    count = math.ceil(len(columns) / COLUMNS)
+    tables = []
+    for k in range(count):
+        table = _table(f"Largest position error{_in(report)} over all samples")
+        table.add_column("body", overflow="fold")
+        part = columns[k * len(columns) // count : (k + 1) * len(columns) // count]
+        for head, _ in part:
+            table.add_column(head, justify="right", overflow="fold", min_width=8)
+        for body in bodies:
+            table.add_row(Text(body), *(short(errors.get(body)) for _, errors in part))
+        tables.append(table)
+    return tables
 
 
 def _particles(report: Report) -> Table:
@@ -126,8 +133,8 @@ def _note(row: Row) -> str:
 
 def _stacked(method: str) -> str:
     """Return a method's label in lines short enough for the head of a column."""
-    words = method.removesuffix("()").replace(" ", "\n").replace("-", "-\n").replace("(", "\n(")
-    return re.sub(r"(?<=[a-z])(?=[A-Z])", "\n", words)
+    words = method.removesuffix("()").replace(" ", "\n").replace("(", "\n(")
+    return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[-:=])|(?<=,)(?!\n)", "\n", words)
 
 
 def _in(report: Report) -> str:

@@ -56,7 +56,6 @@ def test_names_of_methods_are_understood_by_all_that_takes_one():
     ("argument", "answer"),
     [
         ("additional_forces", "forces other than Newtonian gravity belong to the system: system.with_terms("),
-        ("heartbeat", "callback=... is called after each sample"),
         ("tmax", "the end of a run is duration=..., or until=..."),
         ("Nout", "the samples to keep are samples=..., a count or times"),
         ("exit_max_distance", "stop=orbits.FartherThan(distance) ends a run"),

@@ -283,6 +283,10 @@ def test_gauss_has_one_to_32_stages(stages):
         ("stormer-verlet", orbits.StormerVerlet()),
         ("StormerVerlet()", orbits.StormerVerlet()),
         ("runge_kutta_4", orbits.RungeKutta4()),
+        ("wisdom-holman(kernel=lazy, corrector=11)", orbits.WisdomHolman(kernel="lazy", corrector=11)),
+        ("WisdomHolman(democratic-heliocentric)", orbits.WisdomHolman("democratic-heliocentric")),
+        ("wisdom-holman(planets='follow')", orbits.WisdomHolman(planets="follow")),
+        ("composition(stormer-verlet, order=4)", orbits.Composition(orbits.StormerVerlet(), order=4)),
     ],
 )
 def test_integrators_are_read_as_people_type_them(text, expected):
@@ -298,6 +302,8 @@ def test_integrators_are_read_as_people_type_them(text, expected):
         ("gaus", "did you mean gauss"),
         ("gauss(steps=3)", "it knows: stages"),
         ("gauss(0)", "needs stages"),
+        ("wisdom-holman(kernel=idle)", "kernel is 'idle'; expected 'modified-kick', 'lazy' or 'standard'"),
+        ("composition(verle)", "did you mean stormer-verlet"),
         ("gauss(stages=__import__('os'))", "no integrator is called '__import__'"),
         ("", "cannot read"),
         ("(" * 500, "cannot read"),

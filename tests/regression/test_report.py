@@ -25,6 +25,18 @@ def test_the_table_fits_into_100_columns_and_names_every_method(names, massive):
     assert str(make(names, massive)) == text
 
 
+@pytest.mark.parametrize("count", [7, 8, 20])
+def test_the_errors_of_many_methods_are_all_in_the_table_and_their_names_are_whole(count):
+    names = [f"REBOUND saba:type=h_8_6_{k}" for k in range(count)]
+    rows = [Row(name, "peer", "peer", positions={"Sun": 100.0 + k, "Ceres": 1.0}) for k, name in enumerate(names)]
+    lines = make(["Sun", "Ceres"], ["Sun", "Ceres"], rows=rows).table.splitlines()
+    assert max(map(len, lines)) <= 100
+    shown = [x for line in lines if line.startswith(" Sun ") for x in line.split()[1:]]
+    assert shown == [*(f"{100 + k}" for k in range(count)), "2.0e-04"]  # the reference comes last
+    heads = [x for line in lines for x in line.split() if x.startswith("h_8")]
+    assert heads == [f"h_8_6_{k}" for k in range(count)]  # in narrower columns words are broken anywhere
+
+
 def test_many_bodies_are_summed_up_and_few_are_listed():
     few, many = make(NINE, NINE).table, make(MANY, NINE).table
     assert "Planet 4" in few

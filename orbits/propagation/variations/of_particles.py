@@ -154,15 +154,17 @@ def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, 
         )
         lines.append(f"  {names[k]} {what}, at t = " + with_unit(f"{out.passage[k]:.6g}", unit))
     hidden = f"\n  And {int(met.sum()) - SHOWN:,} more." if met.sum() > SHOWN else ""
-    text, whom = "\n".join(lines) + hidden, f"{int(met.sum()):,} massless particle{'s' * bool(met.sum() > 1)}"
+    text, one = "\n".join(lines) + hidden, bool(met.sum() == 1)
+    whom = f"{int(met.sum()):,} massless particle{'' if one else 's'} came where {integrator.label}"
+    them, their, have = ("it", "its", "has") if one else ("them", "their", "have")
     if retires:
-        told = f"{whom} came where {integrator.label} retires them, and have no MEGNO from there on:\n{text}"
+        told = f"{whom} retires {them}, and {have} no MEGNO from there on:\n{text}"
         _warn(told, RetiredWarning)
         return
     _warn(
-        f"{whom} came where {integrator.label} cannot follow them: their MEGNO is large where the orbit is chaotic, as "
-        f"such orbits mostly are, but its value from there on is that of the steps:\n{text}\nUse a smaller dt, another "
-        'method for these, or encounters="retire".',
+        f"{whom} cannot follow {them}: {their} MEGNO is large where the orbit is chaotic, as such orbits mostly are, "
+        f"but its value from there on is that of the steps:\n{text}\nUse a smaller dt, another method for "
+        f'{"it" if one else "these"}, or encounters="retire".',
         StepWarning,
     )
 
