@@ -215,11 +215,14 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
     pericentre = h2 / (gm + gm_e)
     nearest = maximum(0.99 * pericentre, 2.0**-100 * r0)
     incoming = (beta < 0.0) * (eta < 0.0) * (-beta * r0 > 0.1 * gm)
-    sinh = -eta * w / gm_e
-    passage = log(sinh + sqrt(fma(sinh, sinh, 1.0))) / w
+    passage, revolution = 0.0 * t, TWO_PI + 0.0 * t
+    if any_lane(hard * (1.0 - (beta > 0.0))):  # logarithms take as long as two rounds of the iteration
+        sinh = -eta * w / gm_e
+        passage = log(sinh + sqrt(fma(sinh, sinh, 1.0))) / w
+        revolution = select(beta > 0.0, TWO_PI, 2.0 * (2.2 + log(1.0 + 2.0 * t * (w * w * w) / gm_e)))
 
     # The pericentre passage of a parabola, and of any other conic, takes at least this long.
-    high = select(beta > 0.0, TWO_PI, 2.0 * (2.2 + log(1.0 + 2.0 * t * (w * w * w) / gm_e))) / w
+    high = revolution / w
     high = 1.000001 * minimum(high, power(40.0 * t / gm, 1.0 / 3.0))
     low = 0.0 * t
     s = minimum(high, select(beta > 0.0, t * beta / gm, high))
