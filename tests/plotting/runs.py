@@ -7,6 +7,14 @@ import numpy as np
 import orbits
 from orbits.elements.kepler_flow import kepler_flow
 
+MERGING = {
+    "star": {"gm": 1.0, "radius": 0.05},
+    "a": {"a": 1.0, "e": 0.1, "gm": 1e-6, "radius": 0.05},
+    "b": {"a": 1.1, "e": 0.1, "gm": 2e-6, "radius": 0.05, "l": 1.0, "pomega": 3.0},
+    "grain": {"a": 2.5, "gm": 0.0, "radius": 0.0},
+}
+"""A star, two planets that merge at t = 10.37, and a grain."""
+
 
 def about_a_star(bodies, times, *, units=orbits.DIMENSIONLESS, epoch=None, method=None):
     """Return the run of massless `bodies`, elements by name, about a star of GM 1 (of the Sun, where units are

@@ -12,8 +12,7 @@ from orbits.plotting import style
 from orbits.plotting.histories import pieces
 from orbits.plotting.resonances import integers_of, libration
 from tests.plotting import seen
-from tests.plotting.runs import about_a_star
-from tests.plotting.test_merged_runs import BODIES
+from tests.plotting.runs import MERGING, about_a_star
 
 PLANETS = {"inner": {"a": 1.0, "e": 0.2, "pomega": 1.0}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0, "inc": 0.3}}
 MANY = {f"rock {k}": {"a": 2.0 + 0.003 * k, "e": 0.001 * k, "M": 1.0 * k} for k in range(300)}
@@ -35,7 +34,7 @@ def many() -> orbits.Trajectory:
 
 @pytest.fixture(scope="module")
 def merged() -> orbits.Trajectory:
-    system = orbits.System.from_elements(BODIES, units=orbits.DIMENSIONLESS)
+    system = orbits.System.from_elements(MERGING, units=orbits.DIMENSIONLESS)
     return orbits.propagate(system, duration=20.0, events=orbits.Collision(then=orbits.Merge()))
 
 

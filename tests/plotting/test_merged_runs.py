@@ -10,18 +10,14 @@ import orbits
 from orbits.errors import InputError
 from orbits.plotting import arcs
 
-BODIES = {
-    "star": {"gm": 1.0, "radius": 0.05},
-    "a": {"a": 1.0, "e": 0.1, "gm": 1e-6, "radius": 0.05},
-    "b": {"a": 1.1, "e": 0.1, "gm": 2e-6, "radius": 0.05, "l": 1.0, "pomega": 3.0},
-    "grain": {"a": 2.5, "gm": 0.0, "radius": 0.0},
-}
+from .runs import MERGING
+
 MERGED_AT = 10.37
 
 
 @pytest.fixture(scope="module")
 def run() -> orbits.Trajectory:
-    system = orbits.System.from_elements(BODIES, units=orbits.DIMENSIONLESS)
+    system = orbits.System.from_elements(MERGING, units=orbits.DIMENSIONLESS)
     return orbits.propagate(system, duration=20.0, events=orbits.Collision(then=orbits.Merge()))
 
 
