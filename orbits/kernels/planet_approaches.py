@@ -2,14 +2,17 @@
 
 The steps of such a map resolve the fastest pericentre, so that all pairs can be sampled at equal intervals, with the
 pairs formed by turning a register of eight planets. Pairs whose orbits lie too far apart for an approach that would be
-recorded are left out as long as the planets stay between the apsides from which that was concluded. States are computed
-from the trace where they are looked at: few approaches are closer than all before. What is found is examined and
-recorded as in `approach_search.py`, and is the same.
+recorded are left out as long as the planets stay between the apsides from which that was concluded. Neighbours, and
+approaches to the star, are looked for in the coordinates that are marched, which bound the distances; others are
+computed from the trace only where an approach may have to be recorded. It is then located and recorded as in
+`approach_search.py`, and is the same.
 """
 
 from __future__ import annotations
 
-from orbits.kernels.approach_search import CAUTION, SLACK, estimate
+import math
+
+from orbits.kernels.approach_search import CAUTION, SLACK
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, note_rows
 from orbits.kernels.jacobi import TRACE_ROWS, place_planets
@@ -31,7 +34,7 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.observing import call_enter
-from orbits.kernels.watch import no_particles, watch_at
+from orbits.kernels.watch import no_particles, set_first, watch_at
 
 FRACTION, MOST_APART = 1.6, 16
 """The time between two samples, as a fraction of distance / speed at the fastest pericentre; and the most steps."""
@@ -43,20 +46,26 @@ which the apsides of pairs that are left out are wider."""
 SHARE, BODY = 0, 1
 """Rows of `lanes`."""
 
-CLOSE = 0.9999
-"""The factor by which an approach to the star may be closer than estimated within a step that resolves it (in squared
-distance)."""
+SHOWN = 2
+"""The states behind those of a block in the path: those between which an approach is located."""
+
+STEEPER = 1.25
+"""The factor by which squared distances may change faster between two samples than tangents at these tell."""
+
+EVEN, CLOSE = 0.25, 1.0 - 1e-9
+"""The fraction of its mean that the second derivative of a squared distance has at least where it is even; and the
+factor by which rounding may make an approach closer than that tells."""
 
 
 @kernel
 def show_trace(context, track, h, steps, start, stop):
     """Write the states in the trace of the last `stop` steps of the first `steps` of a block into the path."""
-    _show(context, steps - stop, 0, stop)
+    _show(context, 0, stop, steps - stop)
 
 
 @kernel
-def _show(context, base, begin, end):
-    """Write the states at rows begin ... end of the trace into the path; base : the step of row 0."""
+def _show(context, begin, end, place):
+    """Write the states at rows begin ... end of the trace into the path, from that of the step `place` on."""
     watch = watch_at(context)
     n, path, share, in_order = watch.bodies, watch.path, load(watch.lanes, SHARE), watch.dominant == 0
     for k in range(n - 1):
@@ -64,7 +73,7 @@ def _show(context, base, begin, end):
     for step in range(begin, end + 1):
         row = TRACE_ROWS * WIDTH * step
         for component in range(6):
-            first = (2 * (base + step) + component // 3) * watch.stride + component % 3 * n
+            first = (2 * (place + step - begin) + component // 3) * watch.stride + component % 3 * n
             outside = watch.trace[row + WIDTH * (TRACE_ROWS - 1) + component]
             places, inside = place_planets(load(watch.trace, row + WIDTH * component), share, outside)
             if in_order:
@@ -84,9 +93,9 @@ def follow_planets(context, track, h, steps, start, stop):
     """
     watch, base = watch_at(context), steps - stop
     if watch.stops.shape[0] > 0:  # conditions are sought in all states
-        _show(context, base, 0, stop)
+        _show(context, 0, stop, base)
     if watch.first + base == 0:
-        _show(context, base, 0, 0)
+        _show(context, 0, 0, 0)
         note_rows(context, 0, watch.bodies)
     there = full(0.0)
     for k in range(watch.bodies - 1):
@@ -99,41 +108,46 @@ def follow_planets(context, track, h, steps, start, stop):
         there * turned(there, 3),
         there * turned(there, 4) * half,
     )
-    place, velocity = _relative(watch, 0)
-    lowest, highest, time = _apsides(watch, place, velocity)
-    apart = _steps_apart(there, time, h)
-    near, far = select(there, lowest / WANDERING, 0.0), select(there, highest * WANDERING, 1e150)
-    near, far = near * near, far * far
-    known = _known(watch)
+    place, velocity = _all_from_star(watch, 0)
+    lowest, highest, time = _apsides(full(watch.mu), place, velocity)
+    apart, share = _steps_apart(there, time, h), load(watch.lanes, SHARE)
+    known2, of_star2 = _known2(watch)
+    known = sqrt(known2)
     every1, every2 = _meet(known, lowest, highest, with1, 1), _meet(known, lowest, highest, with2, 2)
     every3, every4 = _meet(known, lowest, highest, with3, 3), _meet(known, lowest, highest, with4, 4)
-    with1, with2 = with1 * _within(known, 1), with2 * _within(known, 2)
-    with3, with4 = with3 * _within(known, 3), with4 * _within(known, 4)
-    wander = False
+    with1, with2 = _within(known2, with1, 1), _within(known2, with2, 2)
+    with3, with4 = _within(known2, with3, 3), _within(known2, with4, 4)
+    near, far, limit, reach2, of_star2 = _limits(watch, h, there, lowest, highest, of_star2)
+    wander = close = False
     k = last = 0
-    before0 = before1 = before2 = before3 = before4 = full(0.0)
+    r2_before = before0 = before1 = before2 = before3 = before4 = full(0.0)
     while True:
-        place, velocity = _relative(watch, k)
-        (x, y, z), (u, v, w) = place, velocity
-        r2 = x * x + y * y + z * z
-        if not wander and any_lane((r2 < near) + (r2 > far)):
-            # Look at all pairs from the sample before on.
-            wander = every1 = every2 = every3 = every4 = True
-            k, before0 = last, full(0.0)
-            continue
-        now0 = (x * u + y * v + z * w) * h
-        turned0 = there * (before0 < 0.0) * (now0 >= 0.0)
-        if any_lane(turned0):
-            _examine_star(context, base, h, last, k, turned0, before0 / (before0 - now0))
-        before0 = now0
+        place, velocity = _marched(watch, k)
+        r2, now0 = _length2(place), _opening(place, velocity, h)
+        turned0 = select(before0 < 0.0, now0, -1.0) >= 0.0
+        if close or any_lane(turned0 + (r2 < limit) + (r2 > far)):
+            if not wander and any_lane((r2 < near) + (r2 > far)):
+                # Look at all pairs from the sample before on.
+                wander = close = every1 = every2 = every3 = every4 = True
+                k, before0, limit = last, full(0.0), full(math.inf)
+                continue
+            draws_near = any_lane(r2 < limit)
+            if k > last and (close or draws_near):
+                _look_at_star(context, base, h, last, k, of_star2)
+            elif k > last:
+                least = _least2(r2_before, before0, r2, now0, 1.0 * (k - last))
+                turned0 = turned0 * (least < reach2)
+                if any_lane(turned0):
+                    _examine(context, base, h, last, k, turned0, before0 / (before0 - now0), 0)
+            close = draws_near
+        r2_before, before0 = r2, now0
         if every1:
-            before1 = _met(context, base, h, last, k, with1, before1, place, velocity, 1)
-        if every2:
-            before2 = _met(context, base, h, last, k, with2, before2, place, velocity, 2)
-        if every3:
-            before3 = _met(context, base, h, last, k, with3, before3, place, velocity, 3)
-        if every4:
-            before4 = _met(context, base, h, last, k, with4, before4, place, velocity, 4)
+            before1 = _met(context, base, h, last, k, with1, before1, _outwards(place, velocity, share), 1)
+        if every2 or every3 or every4:
+            seen = _from_star(place, share), _from_star(velocity, share)
+            before2 = _met(context, base, h, last, k, with2, before2, _apart(seen, 2), 2)
+            before3 = _met(context, base, h, last, k, with3, before3, _apart(seen, 3), 3)
+            before4 = _met(context, base, h, last, k, with4, before4, _apart(seen, 4), 4)
         if k == stop:
             break
         last = k
@@ -141,36 +155,112 @@ def follow_planets(context, track, h, steps, start, stop):
 
 
 @kernel(inline=True)
-def _met(context, base, h, last, k, pairs, before, place, velocity, count):
-    """Examine the pairs that no longer draw nearer; return whether they draw apart, for the next sample.
+def _limits(watch, h, there, lowest, highest, of_star2):
+    """Return squared lengths of r': those below and above which planets may leave their apsides, and that below which
+    they may approach the star as one looks for, while r' does not turn, and where it does; and the squared distances of
+    these approaches.
 
-    pairs : squared distances below which approaches are looked at; 0 in lanes without a pair
+    What is between r' and the place relative to the star is at most as long as the sum of all further in.
     """
-    (x, y, z), (u, v, w) = _turned(place, count), _turned(velocity, count)
-    now = (x * u + y * v + z * w) * h
-    # While it grows, the squared distance grows by at most 2 now in a step; 3, as its growth may not be steady.
-    least = x * x + y * y + z * z - 3.0 * (k - last) * now
-    met = (pairs > 0.0) * (before < 0.0) * (now >= 0.0) * (least < pairs)
-    if any_lane(met):
-        _examine_planets(context, base, h, last, k, met, count)
-    return now
+    inside = sums_before(load(watch.lanes, SHARE) * highest) * WANDERING
+    near = select(there, lowest / WANDERING + inside, 0.0)
+    far = select(there, maximum(highest * WANDERING - inside, full(0.0)), 1e150)
+    # An approach that a step may not resolve is looked for at any distance: a bound planet is too slow for it further
+    # out, and even one of twice the energy.
+    angle = SLACK * min(watch.pericentre_angle, 1.0)
+    fast = (4.0 * watch.mu * h * h / (angle * angle)) ** (1.0 / 3.0)
+    of_star2 = maximum(of_star2, select(highest < 1e150, fast * fast, math.inf))
+    reach = sqrt(of_star2) + inside
+    # The innermost planet turns where r' does.
+    limit = maximum(near, select(inside > 0.0, reach, 0.0))
+    return near * near, far * far, limit * limit, reach * reach / SLACK, select(there, of_star2 / SLACK, 0.0)
 
 
 @kernel(inline=True)
-def _relative(watch, step):
-    """Return positions and velocities relative to the star at the beginning of a step."""
-    trace, share, first = watch.trace, load(watch.lanes, SHARE), TRACE_ROWS * WIDTH * step
-    x, y, z = load(trace, first), load(trace, first + WIDTH), load(trace, first + 2 * WIDTH)
-    u, v, w = load(trace, first + 3 * WIDTH), load(trace, first + 4 * WIDTH), load(trace, first + 5 * WIDTH)
-    return (
-        x + sums_before(share * x),
-        y + sums_before(share * y),
-        z + sums_before(share * z),
-    ), (
-        u + sums_before(share * u),
-        v + sums_before(share * v),
-        w + sums_before(share * w),
+def _least2(r2, before, r2_now, now, steps):
+    """Return what squared distances do not fall below between two samples: where their tangents meet.
+
+    before, now : half of their changes in a step; they are taken to be larger, as their growth may not be steady
+    """
+    before, now = 2.0 * STEEPER * before, 2.0 * STEEPER * now
+    return r2 + before * (r2_now - r2 - now * steps) / (before - now)
+
+
+@kernel(inline=True)
+def _met(context, base, h, last, k, pairs, before, relative, count):
+    """Examine the pairs that no longer draw nearer; return whether they draw apart, for the next sample.
+
+    pairs : see `_within`; relative : the place and the velocity of the other one relative to the first
+    """
+    now = _opening(relative[0], relative[1], h)
+    # While it grows, the squared distance grows by at most 2 now in a step; 3, as its growth may not be steady.
+    least = _length2(relative[0]) - 3.0 * (k - last) * now
+    met = select(before < 0.0, select(now >= 0.0, pairs - least, 0.0), 0.0) > 0.0
+    if any_lane(met):
+        _examine(context, base, h, last, k, met, before / (before - now), count)
+    return now
+
+
+@kernel
+def _look_at_star(context, base, h, last, k, limit):
+    """Examine the approaches to the star between two samples, which may come within the squared distances `limit`."""
+    watch = watch_at(context)
+    place, velocity = _all_from_star(watch, last)
+    before = _opening(place, velocity, h)
+    place, velocity = _all_from_star(watch, k)
+    now = _opening(place, velocity, h)
+    least = _length2(place) - 3.0 * (k - last) * now  # as for planets
+    met = select(before < 0.0, select(now >= 0.0, limit - least, 0.0), 0.0) > 0.0
+    if any_lane(met):
+        _examine(context, base, h, last, k, met, before / (before - now), 0)
+
+
+@kernel(inline=True)
+def _marched(watch, step):
+    """Return r' and its velocity at the beginning of a step."""
+    trace, first = watch.trace, TRACE_ROWS * WIDTH * step
+    return (load(trace, first), load(trace, first + WIDTH), load(trace, first + 2 * WIDTH)), (
+        load(trace, first + 3 * WIDTH),
+        load(trace, first + 4 * WIDTH),
+        load(trace, first + 5 * WIDTH),
     )
+
+
+@kernel(inline=True)
+def _from_star(vector, share):
+    """Return the place or velocity relative to the star for r' or its velocity."""
+    x, y, z = vector
+    return x + sums_before(share * x), y + sums_before(share * y), z + sums_before(share * z)
+
+
+@kernel(inline=True)
+def _all_from_star(watch, step):
+    """Return places and velocities relative to the star at the beginning of a step."""
+    (place, velocity), share = _marched(watch, step), load(watch.lanes, SHARE)
+    return _from_star(place, share), _from_star(velocity, share)
+
+
+@kernel(inline=True)
+def _outwards(place, velocity, share):
+    """Return place and velocity relative to each planet of the next one, from r' and its velocity."""
+    (x, y, z), (u, v, w), rest = place, velocity, 1.0 - share
+    return (turned(x, 1) - rest * x, turned(y, 1) - rest * y, turned(z, 1) - rest * z), (
+        turned(u, 1) - rest * u,
+        turned(v, 1) - rest * v,
+        turned(w, 1) - rest * w,
+    )
+
+
+@kernel(inline=True)
+def _apart(seen, count):
+    """Return place and velocity relative to each planet of the one `count` lanes on."""
+    return _turned(seen[0], count), _turned(seen[1], count)
+
+
+@kernel(inline=True)
+def _length2(vector):
+    x, y, z = vector
+    return x * x + y * y + z * z
 
 
 @kernel(inline=True)
@@ -198,20 +288,20 @@ def _onwards(value, count):
 
 
 @kernel(inline=True)
-def _opening(place, velocity, h, count):
-    """Return whether the pairs draw apart: half of the change of the squared distance in a step."""
-    (x, y, z), (u, v, w) = _turned(place, count), _turned(velocity, count)
+def _opening(place, velocity, h):
+    """Return half of the change of the squared distance in a step: whether pairs draw apart."""
+    (x, y, z), (u, v, w) = place, velocity
     return (x * u + y * v + z * w) * h
 
 
 @kernel(inline=True)
-def _apsides(watch, place, velocity):
+def _apsides(mu, place, velocity):
     """Return the least and largest distances on the osculating orbits, and distance / speed at the least."""
     (x, y, z), (u, v, w) = place, velocity
     cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
     swept2 = cx * cx + cy * cy + cz * cz
-    parameter = swept2 / watch.mu
-    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
+    parameter = swept2 / mu
+    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / mu
     e = sqrt(maximum(1.0 - parameter * inverse_a, full(0.0)))
     least = parameter / (1.0 + e)
     highest = select(inverse_a > 0.0, (1.0 + e) / maximum(inverse_a, full(1e-300)), 1e150)
@@ -227,21 +317,25 @@ def _steps_apart(there, time, h):
 
 
 @kernel(inline=True)
-def _known(watch):
-    """Return the distances below which the approaches of the planet in each lane to others are looked at."""
-    limit = full(0.0)
+def _known2(watch):
+    """Return the squared distances below which the approaches of the planet in each lane to others are looked at, and
+    the least ones from the star.
+    """
+    among = of_star = full(0.0)
     for k in range(watch.bodies - 1):
-        body = _body(watch, k)
-        reach = watch.reaches[body]
-        limit = limit + max(watch.record[DISTANCE2, OTHER, body], reach * reach) ** 0.5 * unit(k)
-    return limit
+        body, here = _body(watch, k), unit(k)
+        closest, reach = watch.record[DISTANCE2], watch.reaches[body]
+        among = select(here, max(closest[OTHER, body], reach * reach), among)
+        of_star = select(here, max(closest[DOMINANT, body], closest[OTHER, 0]), of_star)
+    return among, of_star
 
 
 @kernel(inline=True)
-def _within(known, count):
-    """Return the squared distances below which approaches to the planets `count` lanes on are looked at."""
-    limit = maximum(known, _onwards(known, count))
-    return limit * limit / SLACK
+def _within(known2, pairs, count):
+    """Return the squared distances below which approaches to the planets `count` lanes on are looked at; less than any
+    in lanes without a pair.
+    """
+    return select(pairs, maximum(known2, _onwards(known2, count)) / SLACK, -math.inf)
 
 
 @kernel(inline=True)
@@ -253,9 +347,9 @@ def _meet(known, lowest, highest, pairs, count):
 
 
 @kernel
-def _examine_star(context, base, h, last, k, met, guess):
-    """Enter the approaches to the star between two samples of the planets for which `met` is not 0: those that are
-    closer than known ones, and those that a step may not resolve.
+def _examine(context, base, h, last, k, met, guess, count):
+    """Enter the approaches between two samples of the planets for which `met` is not 0 and those `count` lanes on, or
+    the star for 0: those that are closer than known ones or within a reach, and those that a step may not resolve.
 
     guess : the fraction of the time between the samples after which distances no longer fall
     """
@@ -263,64 +357,109 @@ def _examine_star(context, base, h, last, k, met, guess):
     while any_lane(met):
         i = first_lane(met)
         met = met * (1.0 - unit(i))
-        begin, body = last + min(max(int(lane(guess, i) * (k - last)), 0), k - last - 1), _body(watch, i)
-        place, velocity = _relative(watch, begin)
-        after, velocity_after = _relative(watch, begin + 1)
-        d2, speed2, turning = _estimated(h, place, velocity, after, velocity_after)
-        if lane(turning, i) == 0.0:
-            begin, end = last, k
-            while end - begin > 1:
-                middle = (begin + end) // 2
-                (x, y, z), (u, v, w) = _relative(watch, middle)
-                if lane((x * u + y * v + z * w) * h, i) < 0.0:
-                    begin = middle
-                else:
-                    end = middle
-            place, velocity = _relative(watch, begin)
-            after, velocity_after = _relative(watch, end)
-            d2, speed2, _ = _estimated(h, place, velocity, after, velocity_after)
-        known = max(watch.record[DISTANCE2, DOMINANT, body], watch.record[DISTANCE2, OTHER, 0])
-        least, angle = lane(d2, i), SLACK * min(watch.pericentre_angle, 1.0)
-        # Above an angle of 1, what is recorded is the osculating pericentre.
-        if CLOSE * least < known or h * h * lane(speed2, i) > angle * angle * least:
-            _show(context, base, begin, begin + 1)
-            call_enter(watch.enter, context, no_particles(), 0, body, base + begin, base + begin + 1, h)
-
-
-@kernel
-def _examine_planets(context, base, h, last, k, met, count):
-    """Enter the approaches between two samples of the planets for which `met` is not 0 and those `count` lanes on."""
-    watch = watch_at(context)
-    while any_lane(met):
-        i = first_lane(met)
-        met = met * (1.0 - unit(i))
-        begin, end = last, k
-        while end - begin > 1:
-            middle = (begin + end) // 2
-            place, velocity = _relative(watch, middle)
-            if lane(_opening(place, velocity, h, count), i) < 0.0:
-                begin = middle
-            else:
-                end = middle
-        place, velocity = _relative(watch, begin)
-        after, velocity_after = _relative(watch, end)
-        place, velocity = _turned(place, count), _turned(velocity, count)
-        d2, speed2, _ = _estimated(h, place, velocity, _turned(after, count), _turned(velocity_after, count))
-        one, two = _body(watch, i), _body(watch, (i + count) % WIDTH)
-        known = max(watch.record[DISTANCE2, OTHER, one], watch.record[DISTANCE2, OTHER, two])
-        reach = max(watch.reaches[one], watch.reaches[two])
-        least, angle = SLACK * lane(d2, i), CAUTION * watch.passage_angle
-        if least < max(known, reach * reach) or h * h * lane(speed2, i) > angle * angle * least:
-            _show(context, base, begin, end)
-            call_enter(watch.enter, context, no_particles(), min(one, two), max(one, two), base + begin, base + end, h)
+        one, two = (-1, i) if count == 0 else (min(i, (i + count) % WIDTH), max(i, (i + count) % WIDTH))
+        begin, sure = last + min(max(int(lane(guess, i) * (k - last)), 0), k - last - 1), False
+        while True:
+            least, speed2, turns = _estimated(
+                h, _relative(watch, begin, one, two), _relative(watch, begin + 1, one, two)
+            )
+            if sure or turns:
+                break
+            begin, sure = _last_falling(watch, h, last, k, one, two), True
+        two, closest = _body(watch, two), watch.record[DISTANCE2]
+        if one < 0:
+            if not turns:  # it is r' that turned there
+                continue
+            one = 0
+            known, angle = max(closest[DOMINANT, two], closest[OTHER, 0]), SLACK * min(watch.pericentre_angle, 1.0)
+        else:
+            one = _body(watch, one)
+            reach = max(watch.reaches[one], watch.reaches[two])
+            known, angle = max(closest[OTHER, one], closest[OTHER, two], reach * reach), CAUTION * watch.passage_angle
+        # Above an angle of 1, what is recorded of the star is the osculating pericentre.
+        if least < known or h * h * speed2 > angle * angle * least:
+            _enter(context, base, begin, min(one, two), max(one, two), h)
 
 
 @kernel(inline=True)
-def _estimated(h, place, velocity, after, velocity_after):
-    """Return estimates of the least squared distance in a step, and of the largest squared speed; and whether the
-    distance stops falling in it.
+def _last_falling(watch, h, begin, end, one, two):
+    """Return the last step at whose beginning a distance falls."""
+    while end - begin > 1:
+        middle = (begin + end) // 2
+        x, y, z, u, v, w = _relative(watch, middle, one, two)
+        if (x * u + y * v + z * w) * h < 0.0:
+            begin = middle
+        else:
+            end = middle
+    return begin
+
+
+@kernel(inline=True)
+def _relative(watch, step, one, two):
+    """Return place and velocity of the planet in lane `two` relative to that in lane `one` < two, or to the star for
+    one = -1.
     """
-    (x0, y0, z0), (u0, v0, w0), (x, y, z), (u, v, w) = place, velocity, after, velocity_after
-    before, now = (x0 * u0 + y0 * v0 + z0 * w0) * h, (x * u + y * v + z * w) * h
-    d2 = estimate(h, before, now, (x0, y0, z0, u0, v0, w0), (x, y, z, u, v, w))
-    return d2, maximum(u * u + v * v + w * w, u0 * u0 + v0 * v0 + w0 * w0), (before < 0.0) * (now >= 0.0)
+    trace, a = watch.trace, TRACE_ROWS * WIDTH * step + two
+    x, y, z = trace[a], trace[a + WIDTH], trace[a + 2 * WIDTH]
+    u, v, w = trace[a + 3 * WIDTH], trace[a + 4 * WIDTH], trace[a + 5 * WIDTH]
+    for k in range(one, two):
+        b, share = a - two + k, watch.lanes[SHARE, k] if k > one else watch.lanes[SHARE, k] - 1.0
+        if k >= 0:
+            x, y, z = x + share * trace[b], y + share * trace[b + WIDTH], z + share * trace[b + 2 * WIDTH]
+            b += 3 * WIDTH
+            u, v, w = u + share * trace[b], v + share * trace[b + WIDTH], w + share * trace[b + 2 * WIDTH]
+    return x, y, z, u, v, w
+
+
+@kernel
+def _enter(context, base, begin, one, two, h):
+    """Enter the approach of two bodies in the step at row `begin` of the trace. Its states are shown in the last two
+    places of the path, where they stay in the cache.
+    """
+    watch = watch_at(context)
+    place, first = watch.path.shape[0] // (2 * watch.stride) - SHOWN, watch.first
+    _show(context, begin, begin + 1, place)
+    set_first(context, first + base + begin - place)
+    call_enter(watch.enter, context, no_particles(), one, two, place, place + 1, h)
+    set_first(context, first)
+
+
+@kernel(inline=True)
+def _estimated(h, first, second):
+    """Return a lower bound of the least squared distance in a step, the largest squared speed at its ends, and whether
+    the distance stops falling in it; first, second : place and velocity at both.
+    """
+    (x0, y0, z0, u0, v0, w0), (x1, y1, z1, u1, v1, w1) = first, second
+    before, now = (x0 * u0 + y0 * v0 + z0 * w0) * h, (x1 * u1 + y1 * v1 + z1 * w1) * h
+    x, y, z = _cubic(x0, h * u0, x1, h * u1), _cubic(y0, h * v0, y1, h * v1), _cubic(z0, h * w0, z1, h * w1)
+    mean = now - before
+    _, slope, bend = _distance2(before / (before - now), x, y, z)
+    s = before / (before - now) - (slope / bend if bend > EVEN * mean else 0.0)
+    d2, slope, bend = _distance2(min(max(s, 0.0), 1.0), x, y, z)
+    _, _, bend0 = _distance2(0.0, x, y, z)
+    _, _, bend1 = _distance2(1.0, x, y, z)
+    # Where the squared distance bends alike all along the step, what is left of its slope takes it but little further
+    # down; elsewhere it may have another minimum.
+    least = CLOSE * d2 - slope * slope / (0.4 * EVEN * mean) if min(bend, bend0, bend1) > EVEN * mean else -1.0
+    speed2 = max(u0 * u0 + v0 * v0 + w0 * w0, u1 * u1 + v1 * v1 + w1 * w1)
+    return least, speed2, before < 0.0 and now >= 0.0
+
+
+@kernel(inline=True)
+def _cubic(x0, way0, x1, way1):
+    """Return the coefficients of the cubic polynomial through two places, with these ways in a step at both."""
+    a, b = x1 - x0 - way0, way1 - way0
+    return x0, way0, 3.0 * a - b, b - 2.0 * a
+
+
+@kernel(inline=True)
+def _distance2(s, x, y, z):
+    """Return a squared distance at the fraction s of a step, and half of its first two derivatives."""
+    (x, u, du), (y, v, dv), (z, w, dw) = _on_cubic(s, x), _on_cubic(s, y), _on_cubic(s, z)
+    return x * x + y * y + z * z, x * u + y * v + z * w, (u * u + v * v + w * w) + (x * du + y * dv + z * dw)
+
+
+@kernel(inline=True)
+def _on_cubic(s, coefficients):
+    a, b, c, d = coefficients
+    return a + s * (b + s * (c + s * d)), b + s * (2.0 * c + 3.0 * s * d), 2.0 * c + 6.0 * s * d

@@ -14,6 +14,7 @@ import numpy as np
 
 from orbits.integrators.forms import padded
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.planet_approaches import SHOWN
 from orbits.marching.alignment import aligned
 from orbits.marching.ready import NAMES, Ready
 
@@ -44,7 +45,7 @@ class Lanes:
         *self._state, self._carries, self._room, self.rows = aligned(
             *[(WIDTH, width)] * 4, (WIDTH, form.carry_rows(size), WIDTH), form.scratch_shape(size), (rows, WIDTH)
         )
-        self._path = np.zeros((WIDTH, 2 * (loops.steps + 1) * width))
+        self._path = np.zeros((WIDTH, 2 * (loops.steps + 1 + SHOWN) * width))
         self._records = [marcher.loops.state["approaches"].copy() for marcher in marchers]
         self._contexts = np.zeros(WIDTH, dtype=np.int64)
         if not all(marcher.looks_for_planets_alone for marcher in marchers):

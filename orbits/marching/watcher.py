@@ -18,7 +18,7 @@ from orbits.kernels.encounters import FAR, NEAR, QUANTITIES, REACH, enter_passag
 from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
-from orbits.kernels.planet_approaches import BODY, SHARE, follow_planets, show_trace
+from orbits.kernels.planet_approaches import BODY, SHARE, SHOWN, follow_planets, show_trace
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.alignment import aligned
@@ -201,7 +201,7 @@ class Watcher:
 
     def path(self, steps: int) -> Array:
         """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
-        size = 2 * (steps + 1) * self._stride
+        size = 2 * (steps + 1 + SHOWN) * self._stride
         if len(self._path) < size:
             self._path = np.zeros(size)
             self.contexts.enter(path=self._path)
