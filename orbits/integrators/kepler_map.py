@@ -49,8 +49,7 @@ from orbits.kernels.jacobi_particles import (
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.stages_of_maps import DRIFT, FLOW, MODIFIED, STANDARD
 from orbits.kernels.stages_of_maps import LAZY as LAZY_KICK
-from orbits.kernels.systems.approaches import ALL_ROWS
-from orbits.kernels.systems.planets import MOST_PLANETS
+from orbits.kernels.systems.approaches import rows_of_search
 from orbits.kernels.systems.planets_march import march_planets
 from orbits.tableaux.correctors import corrector_lengths
 
@@ -149,10 +148,10 @@ class KeplerSplitting(OnKeplerOrbits):
         return self.room_shape(size)
 
     def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
-        """The march of up to eight planets of each."""
-        own = self.own_kernels()
-        plain = own["begin"] is begin and own["step"] is step and 6 <= size <= 3 + 3 * MOST_PLANETS
-        return (march_planets, ALL_ROWS) if plain else None
+        """The march of the planets of each."""
+        own, planets = self.own_kernels(), size // 3 - 1
+        plain = own["begin"] is begin and own["step"] is step and planets > 0
+        return (march_planets, rows_of_search(planets)) if plain else None
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""

@@ -26,10 +26,12 @@ METHODS = {
 }
 
 
-def planets(n: int, seed: int, eccentricity: float = 0.05) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def planets(
+    n: int, seed: int, eccentricity: float = 0.05, spacing: float = 1.6
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return GM, positions and velocities of a star and n - 1 planets, in an order of their own."""
     rng = np.random.default_rng(seed)
-    a = 0.4 * 1.6 ** np.arange(n - 1) * (1.0 + 0.05 * rng.random(n - 1))
+    a = 0.4 * spacing ** np.arange(n - 1) * (1.0 + 0.05 * rng.random(n - 1))
     gm = K**2 * np.array([1.0, *(10.0 ** rng.uniform(-7.0, -3.0, n - 1))])
     angle, e = rng.uniform(0.0, 2.0 * np.pi, n - 1), eccentricity * rng.random(n - 1)
     r, speed = a * (1.0 + e), K / np.sqrt(a) * np.sqrt((1.0 - e) / (1.0 + e))
@@ -65,6 +67,15 @@ def test_each_of_eight_systems_in_lanes_has_the_bits_it_has_alone(method, n):
     systems = [planets(n, seed) for seed in range(8)]
     h = 2.0 if n % 4 else -2.0
     pairs = [[march(METHODS[method], bodies, h) for bodies in systems] for _ in range(2)]
+    assert_same(*pairs, 60)
+
+
+@pytest.mark.parametrize("count", [9, 10, 16, 17])
+@pytest.mark.parametrize("method", ["standard", "modified", "lazy"])
+def test_planets_of_several_registers_have_in_lanes_the_bits_they_have_alone(count, method):
+    # Close to each other, so that pulls between registers are large enough for the order of their sums to show.
+    systems = [planets(count + 1, seed, spacing=1.2) for seed in range(8)]
+    pairs = [[march(METHODS[method], bodies, 2.0) for bodies in systems] for _ in range(2)]
     assert_same(*pairs, 60)
 
 

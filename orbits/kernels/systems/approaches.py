@@ -9,39 +9,81 @@ from __future__ import annotations
 from orbits.kernels.approach_search import FRACTION, SLACK, estimate, is_near_or_fast
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, note_rows
-from orbits.kernels.interaction import STATE_ROWS, load_three, store_three
+from orbits.kernels.interaction import load_three, store_three
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, load, maximum, minimum, select, sqrt, store
 from orbits.kernels.observing import call_enter
 from orbits.kernels.planet_approaches import MOST_APART
-from orbits.kernels.systems.planets import CENTRE, MOST_PLANETS, ROWS, place_seen, show_in_lanes, store_places
+from orbits.kernels.systems.interaction import store_places
+from orbits.kernels.systems.planet_rows import CENTRE, PLANET, STATE, body_of, registers_of, rows_of_planets
+from orbits.kernels.systems.planets import place_seen, show_in_lanes
 from orbits.kernels.watch import no_particles, set_first, watch_at
 
-PLACES = ROWS
-SPEEDS = PLACES + 3 * MOST_PLANETS
-LAST_PLACES = SPEEDS + 3 * MOST_PLANETS
-LAST_SPEEDS = LAST_PLACES + 3 * MOST_PLANETS
-OPENING = LAST_SPEEDS + 3 * MOST_PLANETS
-KNOWN = OPENING + MOST_PLANETS * (MOST_PLANETS + 1) // 2
-REACHES = KNOWN + 2 * MOST_PLANETS + 1
-KEPT = REACHES + MOST_PLANETS + 1
-KEPT_ROWS = 6 * (MOST_PLANETS + 1)
-ALL_ROWS = KEPT + (MOST_APART + 1) * KEPT_ROWS
-"""Rows after those of the march: places and velocities relative to the star at this sample and at the last one; half of
-the change of the squared distance in a step then, of each planet from the star, then of each pair; the least squared
-distances so far of each planet from the star, of each from the others, and of the star from the others; the reaches of
-the planets and of the star; and for each step since the last sample, r' and its velocity, then of the centre of
-mass."""
+MOST_SOUGHT = WIDTH
+"""The most planets among which approaches are looked for here: with more, each march looks through its own states, at
+the samples that it takes alone."""
+
+KNOWN_STAR, REACH_STAR, STAR_ROWS = 0, 1, 2
+PLACES, SPEEDS, LAST_PLACES, LAST_SPEEDS, OPENING, KNOWN, KNOWN_OTHER, REACH, SOUGHT = 0, 3, 6, 9, 12, 13, 14, 15, 16
+"""Rows after those of the march: the least squared distance so far of the star from the other planets, and its reach;
+then `SOUGHT` rows of each planet: its place and velocity relative to the star at this sample and at the last one; half
+of the change of the squared distance in a step then; the least squared distances so far from the star and from other
+planets, and its reach. Then half of that change of each pair; and for each step since the last sample, r' and its
+velocity of each planet, then those of the centre of mass."""
+
+
+def rows_of_search(count: int) -> int:
+    """Return the rows for the march of `count` planets and the search among them, if they are not too many."""
+    if count > MOST_SOUGHT:
+        return rows_of_planets(count)
+    filled = -(-count // WIDTH) * WIDTH
+    return rows_of_planets(count) + STAR_ROWS + SOUGHT * filled + _pairs(count) + (MOST_APART + 1) * 6 * (filled + 1)
+
+
+def _pairs(count):
+    return count * (count - 1) // 2
+
+
+_pairs_of = kernel(_pairs, inline=True)
+
+
+@kernel(inline=True)
+def _star(count):
+    """Return the first row of the search."""
+    return STATE + PLANET * WIDTH * registers_of(count)
+
+
+@kernel(inline=True)
+def _sought(count):
+    """Return the first row of the first planet."""
+    return _star(count) + STAR_ROWS
+
+
+@kernel(inline=True)
+def _first_pair(count):
+    return _sought(count) + SOUGHT * WIDTH * registers_of(count)
+
+
+@kernel(inline=True)
+def _kept(count, slot):
+    """Return the first row of a state that is kept."""
+    return _first_pair(count) + _pairs_of(count) + 6 * (WIDTH * registers_of(count) + 1) * slot
+
+
+@kernel(inline=True)
+def _centre(count):
+    """Return where the centre of mass is in a state that is kept."""
+    return 6 * WIDTH * registers_of(count)
 
 
 @kernel
 def keep_in_lanes(rows, count, slot):
     """Keep the present state, for the case that it has to be shown."""
-    first = KEPT + KEPT_ROWS * slot
+    first = _kept(count, slot)
     for i in range(count):
         for k in range(6):
-            store(rows, first + 6 * i + k, load(rows, STATE_ROWS * i + k))
+            store(rows, first + 6 * i + k, load(rows, PLANET * i + STATE + k))
     for k in range(6):
-        store(rows, first + 6 * MOST_PLANETS + k, load(rows, CENTRE + k))
+        store(rows, first + _centre(count) + k, load(rows, CENTRE + k))
 
 
 @kernel
@@ -50,11 +92,35 @@ def _show_steps(rows, count, carries, path, width, steps, whose):
     the first rows of their paths: they stay in the cache.
     """
     for step in range(steps + 1):
-        first = KEPT + KEPT_ROWS * step
-        show_in_lanes(rows, first, 6, first + 6 * MOST_PLANETS)
+        first = _kept(count, step)
+        show_in_lanes(rows, count, first, 6, first + _centre(count))
         for system in range(WIDTH):
             if lane(whose, system) != 0.0:
                 place_seen(rows, count, carries[system], system, path[system], path[system], 2 * step * width, width)
+
+
+@kernel(inline=True)
+def _store_sample(rows, count):
+    """Write places and velocities relative to the star."""
+    store_places(rows, count, STATE, _sought(count) + PLACES, SOUGHT)
+    store_places(rows, count, STATE + 3, _sought(count) + SPEEDS, SOUGHT)
+
+
+@kernel(inline=True)
+def _sample(rows, planet):
+    """Return place and velocity at this sample; planet : its first row."""
+    return load_three(rows, planet + PLACES), load_three(rows, planet + SPEEDS)
+
+
+@kernel(inline=True)
+def _last_sample(rows, planet):
+    return load_three(rows, planet + LAST_PLACES), load_three(rows, planet + LAST_SPEEDS)
+
+
+@kernel(inline=True)
+def _of_pair(one, other):
+    """Return place and velocity of another planet relative to one."""
+    return _difference(other[0], one[0]), _difference(other[1], one[1])
 
 
 @kernel
@@ -70,15 +136,13 @@ def begin_search(rows, count, h, contexts, carries, path, width):
         if contexts[system] != 0 and watch_at(contexts[system]).first == 0:
             note_rows(contexts[system], 0, count + 1)
     _take_known(rows, count, contexts, carries, full(1.0))
-    store_places(rows, 0, STATE_ROWS, PLACES)
-    store_places(rows, 3, STATE_ROWS, SPEEDS)
+    _store_sample(rows, count)
     shortest = full(1e300)
     mu = watch_at(contexts[0]).mu
     for system in range(1, WIDTH):
         mu = max(mu, watch_at(contexts[system]).mu) if contexts[system] != 0 else mu
     for i in range(count):
-        x, y, z = load_three(rows, PLACES + 3 * i)
-        u, v, w = load_three(rows, SPEEDS + 3 * i)
+        (x, y, z), (u, v, w) = _sample(rows, _sought(count) + SOUGHT * i)
         cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
         swept2 = cx * cx + cy * cy + cz * cz
         parameter = swept2 / mu
@@ -99,33 +163,37 @@ def _take_known(rows, count, contexts, carries, whose):
     for system in range(WIDTH):
         if lane(whose, system) == 0.0:
             continue
+        first = _sought(count)
         if contexts[system] == 0:
-            for k in range(KNOWN, KEPT):
-                rows[k, system] = 0.0
+            rows[_star(count) + KNOWN_STAR, system] = rows[_star(count) + REACH_STAR, system] = 0.0
+            for i in range(count):
+                for k in (KNOWN, KNOWN_OTHER, REACH):
+                    rows[first + SOUGHT * i + k, system] = 0.0
         else:
             watch, planets = watch_at(contexts[system]), carries[system]
             record, reaches = watch.record, watch.reaches
             for i in range(count):
-                body = int(planets[STATE_ROWS + 2, i])
-                rows[KNOWN + i, system] = record[DISTANCE2, DOMINANT, body]
-                rows[KNOWN + MOST_PLANETS + i, system] = record[DISTANCE2, OTHER, body]
-                rows[REACHES + i, system] = reaches[body]
-            rows[KNOWN + 2 * MOST_PLANETS, system] = record[DISTANCE2, OTHER, 0]
-            rows[REACHES + MOST_PLANETS, system] = reaches[0]
+                body, planet = body_of(planets, count, i), first + SOUGHT * i
+                rows[planet + KNOWN, system] = record[DISTANCE2, DOMINANT, body]
+                rows[planet + KNOWN_OTHER, system] = record[DISTANCE2, OTHER, body]
+                rows[planet + REACH, system] = reaches[body]
+            rows[_star(count) + KNOWN_STAR, system] = record[DISTANCE2, OTHER, 0]
+            rows[_star(count) + REACH_STAR, system] = reaches[0]
 
 
 @kernel(inline=True)
 def _take_openings(rows, count, h):
     """Make the present sample the last one."""
-    pair = OPENING + MOST_PLANETS
+    pair = _first_pair(count)
     for i in range(count):
-        place, velocity = load_three(rows, PLACES + 3 * i), load_three(rows, SPEEDS + 3 * i)
-        store_three(rows, LAST_PLACES + 3 * i, place)
-        store_three(rows, LAST_SPEEDS + 3 * i, velocity)
-        store(rows, OPENING + i, _opening(place, velocity, h))
+        planet = _sought(count) + SOUGHT * i
+        place, velocity = _sample(rows, planet)
+        store_three(rows, planet + LAST_PLACES, place)
+        store_three(rows, planet + LAST_SPEEDS, velocity)
+        store(rows, planet + OPENING, _opening((place, velocity), h))
         for j in range(i):
-            there, then = load_three(rows, PLACES + 3 * j), load_three(rows, SPEEDS + 3 * j)
-            store(rows, pair, _opening(_difference(there, place), _difference(then, velocity), h))
+            there = _sample(rows, _sought(count) + SOUGHT * j)
+            store(rows, pair, _opening(_of_pair((place, velocity), there), h))
             pair += 1
 
 
@@ -135,79 +203,73 @@ def _difference(a, b):
 
 
 @kernel(inline=True)
-def _opening(place, velocity, h):
+def _opening(sample, h):
     """Return half of the change of the squared distance in a step."""
-    return (place[0] * velocity[0] + place[1] * velocity[1] + place[2] * velocity[2]) * h
+    (x, y, z), (u, v, w) = sample
+    return (x * u + y * v + z * w) * h
 
 
 @kernel
 def search_in_lanes(rows, count, h, begin, end, contexts, carries, path, width):
     """Look for approaches between the last sample, at step `begin`, and the present state, at step `end`."""
-    store_places(rows, 0, STATE_ROWS, PLACES)
-    store_places(rows, 3, STATE_ROWS, SPEEDS)
-    whose, pair = full(0.0), OPENING + MOST_PLANETS
+    _store_sample(rows, count)
+    whose, pair = full(0.0), _first_pair(count)
     for i in range(count):
-        place, velocity = load_three(rows, PLACES + 3 * i), load_three(rows, SPEEDS + 3 * i)
-        met = (load(rows, OPENING + i) < 0.0) * (_opening(place, velocity, h) >= 0.0)
+        planet = _sought(count) + SOUGHT * i
+        here = _sample(rows, planet)
+        met = (load(rows, planet + OPENING) < 0.0) * (_opening(here, h) >= 0.0)
         if any_lane(met):
-            met = met * _wanted_of_star(rows, h, end - begin, i, contexts)
+            met = met * _wanted_of_star(rows, h, end - begin, _star(count), planet, contexts)
             whose = maximum(whose, met)
-        store(rows, OPENING + i, met)
+        store(rows, planet + OPENING, met)
         for j in range(i):
-            there, then = load_three(rows, PLACES + 3 * j), load_three(rows, SPEEDS + 3 * j)
-            now = _opening(_difference(there, place), _difference(then, velocity), h)
+            other = _sought(count) + SOUGHT * j
+            now = _opening(_of_pair(here, _sample(rows, other)), h)
             met = (load(rows, pair) < 0.0) * (now >= 0.0)
             if any_lane(met):
-                met = met * _wanted_of_pair(rows, h, end - begin, i, j, contexts)
+                met = met * _wanted_of_pair(rows, h, end - begin, planet, other, contexts)
                 whose = maximum(whose, met)
             store(rows, pair, met)
             pair += 1
     if any_lane(whose):
         _show_steps(rows, count, carries, path, width, end - begin, whose)
-        pair = OPENING + MOST_PLANETS
+        pair = _first_pair(count)
         for i in range(count):
-            if any_lane(load(rows, OPENING + i)):
-                _enter(contexts, carries, load(rows, OPENING + i), i, -1, begin, end, h)
+            met = load(rows, _sought(count) + SOUGHT * i + OPENING)
+            if any_lane(met):
+                _enter(contexts, carries, count, met, i, -1, begin, end, h)
             for j in range(i):
                 if any_lane(load(rows, pair)):
-                    _enter(contexts, carries, load(rows, pair), i, j, begin, end, h)
+                    _enter(contexts, carries, count, load(rows, pair), i, j, begin, end, h)
                 pair += 1
         _take_known(rows, count, contexts, carries, whose)
     _take_openings(rows, count, h)
 
 
 @kernel
-def _wanted_of_star(rows, h, many, i, contexts):
-    """Return in which systems planet i and the star may have come closer than before, or within their reach."""
-    known = maximum(load(rows, KNOWN + i), load(rows, KNOWN + 2 * MOST_PLANETS))
-    reach = maximum(load(rows, REACHES + i), load(rows, REACHES + MOST_PLANETS))
-    first = load_three(rows, LAST_PLACES + 3 * i), load_three(rows, LAST_SPEEDS + 3 * i)
-    second = load_three(rows, PLACES + 3 * i), load_three(rows, SPEEDS + 3 * i)
+def _wanted_of_star(rows, h, many, star, planet, contexts):
+    """Return in which systems a planet and the star may have come closer than before, or within their reach."""
+    known = maximum(load(rows, planet + KNOWN), load(rows, star + KNOWN_STAR))
+    reach = maximum(load(rows, planet + REACH), load(rows, star + REACH_STAR))
     watch = watch_at(contexts[0])
     # Above an angle of 1, what is recorded is the osculating pericentre.
     angle = min(watch.passage_angle, SLACK * min(watch.pericentre_angle, 1.0))
-    return _wanted(angle, h, many, first, second, (known, reach))
+    return _wanted(angle, h, many, _last_sample(rows, planet), _sample(rows, planet), (known, reach))
 
 
 @kernel
-def _wanted_of_pair(rows, h, many, i, j, contexts):
-    """The same of planets i and j."""
-    known = maximum(load(rows, KNOWN + MOST_PLANETS + i), load(rows, KNOWN + MOST_PLANETS + j))
-    reach = maximum(load(rows, REACHES + i), load(rows, REACHES + j))
-    first = (
-        _difference(load_three(rows, LAST_PLACES + 3 * j), load_three(rows, LAST_PLACES + 3 * i)),
-        _difference(load_three(rows, LAST_SPEEDS + 3 * j), load_three(rows, LAST_SPEEDS + 3 * i)),
-    )
-    second = (
-        _difference(load_three(rows, PLACES + 3 * j), load_three(rows, PLACES + 3 * i)),
-        _difference(load_three(rows, SPEEDS + 3 * j), load_three(rows, SPEEDS + 3 * i)),
-    )
+def _wanted_of_pair(rows, h, many, planet, other, contexts):
+    """The same of two planets."""
+    known = maximum(load(rows, planet + KNOWN_OTHER), load(rows, other + KNOWN_OTHER))
+    reach = maximum(load(rows, planet + REACH), load(rows, other + REACH))
+    first = _of_pair(_last_sample(rows, planet), _last_sample(rows, other))
+    second = _of_pair(_sample(rows, planet), _sample(rows, other))
     return _wanted(watch_at(contexts[0]).passage_angle, h, many, first, second, (known, reach))
 
 
 @kernel(inline=True)
 def _wanted(passage_angle, h, many, first, second, limits):
-    (known, reach), before, now = limits, _opening(first[0], first[1], h), _opening(second[0], second[1], h)
+    (known, reach), before, now = limits, _opening(first, h), _opening(second, h)
     (x, y, z), _ = second
     # While it grows, the squared distance grows by at most 2 now in a step; 3, as its growth may not be steady.
     least = x * x + y * y + z * z - 3.0 * many * now
@@ -219,15 +281,13 @@ def _wanted(passage_angle, h, many, first, second, limits):
 
 
 @kernel
-def _enter(contexts, carries, wanted, i, j, begin, end, h):
+def _enter(contexts, carries, count, wanted, i, j, begin, end, h):
     """Record the approach of planets i and j, or of planet i and the star for j = -1, in the systems in which it is
     wanted.
     """
     for system in range(WIDTH):
         if contexts[system] != 0 and lane(wanted, system) != 0.0:
-            planets = carries[system]
-            body = int(planets[STATE_ROWS + 2, i])
-            other = int(planets[STATE_ROWS, 6]) if j < 0 else int(planets[STATE_ROWS + 2, j])
+            body, other = body_of(carries[system], count, i), body_of(carries[system], count, j)
             context, enter = contexts[system], watch_at(contexts[system]).enter
             first = watch_at(context).first
             set_first(context, first + begin)

@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.systems.approaches import begin_search, keep_in_lanes, search_in_lanes
-from orbits.kernels.systems.planets import (
-    CENTRE,
-    gather_planets,
-    kick_in_lanes,
-    place_seen,
-    scatter_planets,
-    show_in_lanes,
-    step_in_lanes,
-)
+from orbits.kernels.systems.planet_rows import CENTRE, PLANET, STATE, gather_planets, scatter_planets
+from orbits.kernels.systems.planets import kick_in_lanes, place_seen, show_in_lanes, step_in_lanes
 
 
 @kernel
 def march_planets(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows, path, contexts, steps):
-    """March eight systems of up to eight planets by `steps` steps; return the evaluations of each.
+    """March eight systems of planets by `steps` steps; return the evaluations of each.
 
     coefficients : of `KeplerSplitting`; strengths, carries, room : see `gather_planets`; rows : workspace
     q, v : (8, padded), receive what is seen at the end; their low parts are not used
@@ -34,7 +26,7 @@ def march_planets(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows
     width = q.shape[1]
     if contexts[0] == 0:
         for k in range(steps):
-            show_in_lanes(rows, 0, STATE_ROWS, CENTRE)
+            show_in_lanes(rows, count, STATE, PLANET, CENTRE)
             for system in range(WIDTH):
                 place_seen(rows, count, carries[system], system, path[system], path[system], 2 * k * width, width)
             step_in_lanes(rows, count, h, shift, lazy)
@@ -48,7 +40,7 @@ def march_planets(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows
                 search_in_lanes(rows, count, h, last, k, contexts, carries, path, width)
                 keep_in_lanes(rows, count, 0)
                 last = k
-    show_in_lanes(rows, 0, STATE_ROWS, CENTRE)
+    show_in_lanes(rows, count, STATE, PLANET, CENTRE)
     for system in range(WIDTH):
         place_seen(rows, count, carries[system], system, q[system], v[system], 0, 0)
     scatter_planets(rows, count, carries)
