@@ -8,7 +8,7 @@ import pytest
 import orbits
 from orbits.elements import state_from_elements, two_body
 
-from .test_terms_in_wisdom_holman import DEFAULT, GAUSS, POLE, STRONG, marched
+from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched
 
 EPS = 2.0**-53
 ORBITS = [(1.0, 0.0), (1.3, 0.3), (5.2, 0.9), (0.4, 0.2), (30.0, 0.05), (-2.0, 1.5), (3.0, 0.5), (1.5, 0.93)]

@@ -7,7 +7,7 @@ import orbits
 from orbits.elements import state_from_elements
 from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
 
-from .test_terms_in_wisdom_holman import DEFAULT, GAUSS, POLE, STRONG, marched
+from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched
 
 FOLLOW = orbits.WisdomHolman(encounters="follow")
 TIME = 8.0

@@ -9,29 +9,17 @@ from orbits.elements import state_from_elements
 from orbits.errors import InputError
 from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.terms.base import SumOfTerms
-from orbits.lagrangians.terms.frame_dragging import frame_dragging
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
 from orbits.marching.marcher import Marcher
 
-DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)
+from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched, marcher
+
+PLAIN = orbits.WisdomHolman(kernel="standard", corrector=0)
 CORRECTED, LAZY = orbits.WisdomHolman(kernel="standard"), orbits.WisdomHolman(kernel="lazy")
-GAUSS = orbits.Gauss(stages=8)
-POLE = (0.36, 0.48, 0.8)
 SUNS_POLE = (286.13, 63.87) * u.deg
 J2 = {"J2": 2.2e-7, "radius": 696000 * u.km, "pole": SUNS_POLE}
 EPS = 2.0**-53
-
-STRONG = {
-    "relativity": lambda row: [post_newtonian(row, 100.0)],
-    "oblateness": lambda row: [zonal_harmonics(row, 0.05, POLE, {2: 2e-3, 3: 1e-4})],
-    "all": lambda row: [
-        zonal_harmonics(row, 0.05, POLE, {2: 2e-3}),
-        post_newtonian(row, 100.0),
-        frame_dragging(row, (1e-6, 2e-6, 5e-6)),
-    ],
-}
-"""Terms of a star, 1e4 times as strong as those of the Sun."""
 
 
 def bodies(planets=3, particles=2, star=0):
@@ -47,18 +35,6 @@ def bodies(planets=3, particles=2, star=0):
         v.append(v[0] + w)
     order = [*range(1, star + 1), 0, *range(star + 1, len(gm))]
     return tuple(np.array(x)[order] for x in (gm, q, v))
-
-
-def marcher(method, terms, start, h, **options):
-    gm, q, v = start
-    L = n_body(gm[gm > 0], 0.0, terms)
-    return Marcher(L, method, L.parameter_vector, gm > 0, q, v, h, **options)
-
-
-def marched(method, terms, start, h, steps, **options):
-    run = marcher(method, terms, start, h, **options)
-    run.advance(steps)
-    return run.state()
 
 
 def solar(*bodies):

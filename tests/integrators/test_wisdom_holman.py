@@ -336,7 +336,7 @@ def test_planets_that_come_close_are_warned_of_before_and_after_a_run():
     said = [str(warning.message) for warning in seen]
     assert "the orbits of b and c come within 0.05" in said[0]
     assert "cannot follow close encounters" in said[-1]
-    assert ("c to b" in said[-1] or "b to c" in said[-1])
+    assert "c to b" in said[-1] or "b to c" in said[-1]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         run = orbits.propagate(pair_of_planets(0.3), DEFAULT, duration=60.0, **options)

@@ -17,6 +17,7 @@ DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", c
 LAZY, CORRECTED = orbits.WisdomHolman(kernel="lazy"), orbits.WisdomHolman(kernel="standard")
 GAUSS = orbits.Gauss(stages=8)
 
+
 @pytest.fixture(scope="module")
 def truth():
     """Where all are after 1200 days, by collocation in short steps."""
@@ -155,7 +156,6 @@ def test_encounters_of_particles_with_planets_are_named_with_time_and_place():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         orbits.propagate(giants.remove("p0"), DEFAULT, dt="60 d", **options)
-
 
 
 def test_it_is_certified_with_particles():
