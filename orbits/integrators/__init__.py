@@ -103,7 +103,7 @@ def _read(node: ast.expr) -> Any:
 
 def _value(node: ast.expr, kind: str) -> Any:
     """Return a parameter, where a name is text if its annotation, `kind`, is."""
-    if isinstance(node, ast.Name) and "str" in kind:
+    if isinstance(node, ast.Name) and re.search(r"\bstr\b", kind):
         return node.id.replace("_", "-")
     return _read(node)
 

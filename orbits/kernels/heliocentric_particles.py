@@ -16,9 +16,10 @@ from __future__ import annotations
 from orbits.kernels.compile import kernel
 from orbits.kernels.heliocentric import MASS, ROWS, place_of_the_dominant
 from orbits.kernels.interaction import STATE_ROWS
-from orbits.kernels.jacobi_particles import ATTRACTED, NUMBER, Marched, store_marched, take_particles
+from orbits.kernels.jacobi_particles import ATTRACTED, ELSEWHERE, NUMBER, Marched, store_marched, take_particles
+from orbits.kernels.jacobi_particles_entering import present
 from orbits.kernels.jacobi_stages import particles_at_the_end
-from orbits.kernels.lanes import WIDTH, fma, full, get, rsqrt_cubed, select, unit
+from orbits.kernels.lanes import WIDTH, fma, full, get, rsqrt_cubed, select
 from orbits.kernels.short_kepler import short_increments
 from orbits.kernels.steps import NOWHERE
 from orbits.kernels.summation import accumulate, quick_two_sum, two_sum
@@ -105,7 +106,7 @@ def enter_among_heliocentric(strength, planets, room, particles, rows, share, dr
     (q, q_lo, v, v_lo), memory, retired = particles
     sun = int(planets[STATE_ROWS * (room.shape[0] // ROWS), 6])
     for p in range(share.start, share.stop):
-        if retired[p, 0] != 0:
+        if retired[p, 0] != 0 or memory[p, 0, NUMBER] == ELSEWHERE:
             continue
         own = memory[p]
         own[0, NUMBER], own[0, ATTRACTED] = 1.0, strength[1 + sun]
@@ -125,7 +126,7 @@ def leave_among_heliocentric(strength, planets, room, particles, rows, share, dr
     (q, q_lo, v, v_lo), memory, retired = particles
     _drift(memory, retired, rows, share, -drift)
     for p in range(share.start, share.stop):
-        if retired[p, 0] != 0:
+        if retired[p, 0] != 0 or memory[p, 0, NUMBER] == ELSEWHERE:
             continue
         for component in range(6):
             x, x_lo = (q, q_lo) if component < 3 else (v, v_lo)
@@ -138,11 +139,7 @@ def leave_among_heliocentric(strength, planets, room, particles, rows, share, dr
 def _drift(memory, retired, rows, share, drift):
     """Advance particles on their Kepler orbits."""
     for p in range(share.start, share.stop, WIDTH):
-        there = full(1.0)
-        for k in range(WIDTH):
-            if retired[p + k, 0] != 0:
-                there = there - unit(k)
-        marched = take_particles(memory, p, there, rows)
+        marched = take_particles(memory, p, present(memory, retired, p), rows)
         store_marched(memory, p, particles_at_the_end(marched, drift), rows)
 
 

@@ -87,7 +87,7 @@ def _correct(model, coefficients, planets, room, table, particles, sign):
 def _correct_eight(model, memory, retired, table, rows, p, drift, kick, sign):
     """Apply a stage of the corrector to eight particles: a Kepler motion, then a kick with the flow of terms."""
     flows = flow_rows(strength_of(model).shape[0] - 2)
-    marched = take_particles(memory, p, _there(memory, retired, p), rows)
+    marched = take_particles(memory, p, present(memory, retired, p), rows)
     marched, ax, ay, az = drifted_particles(marched, drift, 0.0)
     g = full(0.0), full(0.0), full(0.0)
     if kick != 0.0 and has_flow(model) and sign > 0.0:
@@ -172,13 +172,13 @@ def _change_all(model, table, particles, sign):
     memory, retired, rows, share = particles
     first = flow_rows(strength_of(model).shape[0] - 2)
     for p in range(share.start, share.stop, WIDTH):
-        marched = take_particles(memory, p, _there(memory, retired, p), rows)
+        marched = take_particles(memory, p, present(memory, retired, p), rows)
         x, y, z, _, _, _ = _rates(model, table, first, marched, rows, 0.0, sign > 0.0)
         store_marched(memory, p, kicked_particles(marched, (sign * x, sign * y, sign * z), 0.0, (x, y, z)), rows)
 
 
 @kernel(inline=True)
-def _there(memory, retired, p):
+def present(memory, retired, p):
     """Return 1 in the lanes of particles that are neither retired nor marched elsewhere."""
     there = full(1.0)
     for k in range(WIDTH):

@@ -52,9 +52,9 @@ SHOWN = 2
 STEEPER = 1.25
 """The factor by which squared distances may change faster between two samples than tangents at these tell."""
 
-EVEN, CLOSE = 0.25, 1.0 - 1e-9
+EVEN, CLOSE = 0.25, 1.0 - 1e-6
 """The fraction of its mean that the second derivative of a squared distance has at least where it is even; and the
-factor by which rounding may make an approach closer than that tells."""
+factor by which rounding may make an approach closer than that tells, also far from the origin."""
 
 
 @kernel
@@ -108,48 +108,60 @@ def follow_planets(context, track, h, steps, start, stop):
         there * turned(there, 3),
         there * turned(there, 4) * half,
     )
+    # Of those one lane apart the outermost and the innermost of eight planets are no neighbours.
+    with0, with1 = with1 * unit(WIDTH - 1), with1 * (1.0 - unit(WIDTH - 1))
     place, velocity = _all_from_star(watch, 0)
-    lowest, highest, time = _apsides(full(watch.mu), place, velocity)
+    lowest, highest, time = apsides(full(watch.mu), place, velocity)
     apart, share = _steps_apart(there, time, h), load(watch.lanes, SHARE)
-    known2, of_star2 = _known2(watch)
+    known2, of_star2, reach = _known2(watch)
     known = sqrt(known2)
+    every0 = _meet(known, lowest, highest, with0, 1)
     every1, every2 = _meet(known, lowest, highest, with1, 1), _meet(known, lowest, highest, with2, 2)
     every3, every4 = _meet(known, lowest, highest, with3, 3), _meet(known, lowest, highest, with4, 4)
+    with0 = _within(known2, with0, 1)
     with1, with2 = _within(known2, with1, 1), _within(known2, with2, 2)
     with3, with4 = _within(known2, with3, 3), _within(known2, with4, 4)
-    near, far, limit, reach2, of_star2 = _limits(watch, h, there, lowest, highest, of_star2)
+    reach0, reach1, reach2 = _reach2(reach, with0, 1), _reach2(reach, with1, 1), _reach2(reach, with2, 2)
+    reach3, reach4 = _reach2(reach, with3, 3), _reach2(reach, with4, 4)
+    near, far, limit, turning2, of_star2 = _limits(watch, h, there, lowest, highest, of_star2)
     wander = close = False
     k = last = 0
-    r2_before = before0 = before1 = before2 = before3 = before4 = full(0.0)
+    r2_before = before0 = before1 = before2 = before3 = before4 = before5 = full(0.0)
     while True:
         place, velocity = _marched(watch, k)
-        r2, now0 = _length2(place), _opening(place, velocity, h)
+        r2, now0 = length2(place), _opening(place, velocity, h)
         turned0 = select(before0 < 0.0, now0, -1.0) >= 0.0
         if close or any_lane(turned0 + (r2 < limit) + (r2 > far)):
             if not wander and any_lane((r2 < near) + (r2 > far)):
-                # Look at all pairs from the sample before on.
-                wander = close = every1 = every2 = every3 = every4 = True
-                k, before0, limit = last, full(0.0), full(math.inf)
+                # Look at all pairs in all steps from the sample before on: also pericentres may be faster.
+                wander = close = every0 = every1 = every2 = every3 = every4 = True
+                k, apart, before0, limit = last, 1, full(0.0), full(math.inf)
                 continue
             draws_near = any_lane(r2 < limit)
             if k > last and (close or draws_near):
                 _look_at_star(context, base, h, last, k, of_star2)
             elif k > last:
                 least = _least2(r2_before, before0, r2, now0, 1.0 * (k - last))
-                turned0 = turned0 * (least < reach2)
+                turned0 = turned0 * (least < turning2)
                 if any_lane(turned0):
                     _examine(context, base, h, last, k, turned0, before0 / (before0 - now0), 0)
             close = draws_near
         r2_before, before0 = r2, now0
+        met0 = met1 = met2 = met3 = met4 = False
         if every1:
-            before1 = _met(context, base, h, last, k, with1, before1, _outwards(place, velocity, share), 1)
-        if every2 or every3 or every4:
+            before1, met1 = _met(
+                context, base, h, last, k, apart, with1, reach1, before1, _outwards(place, velocity, share), 1
+            )
+        if every0 or every2 or every3 or every4:
             seen = _from_star(place, share), _from_star(velocity, share)
-            before2 = _met(context, base, h, last, k, with2, before2, _apart(seen, 2), 2)
-            before3 = _met(context, base, h, last, k, with3, before3, _apart(seen, 3), 3)
-            before4 = _met(context, base, h, last, k, with4, before4, _apart(seen, 4), 4)
+            before5, met0 = _met(context, base, h, last, k, apart, with0, reach0, before5, _apart(seen, 1), 1)
+            before2, met2 = _met(context, base, h, last, k, apart, with2, reach2, before2, _apart(seen, 2), 2)
+            before3, met3 = _met(context, base, h, last, k, apart, with3, reach3, before3, _apart(seen, 3), 3)
+            before4, met4 = _met(context, base, h, last, k, apart, with4, reach4, before4, _apart(seen, 4), 4)
         if k == stop:
             break
+        if met0 or met1 or met2 or met3 or met4:
+            apart = 1  # planets that deflect each other may meet twice before the next sample
         last = k
         k = min(k + apart, stop)
 
@@ -187,18 +199,19 @@ def _least2(r2, before, r2_now, now, steps):
 
 
 @kernel(inline=True)
-def _met(context, base, h, last, k, pairs, before, relative, count):
-    """Examine the pairs that no longer draw nearer; return whether they draw apart, for the next sample.
+def _met(context, base, h, last, k, apart, pairs, reach2, before, relative, count):
+    """Examine the pairs that no longer draw nearer; return whether they draw apart, for the next sample, and whether
+    some may come within their reach until that one, `apart` steps on.
 
-    pairs : see `_within`; relative : the place and the velocity of the other one relative to the first
+    pairs : see `_within`; reach2 : their squared reaches; relative : the place and the velocity of the other one
+        relative to the first
     """
-    now = _opening(relative[0], relative[1], h)
+    now, r2 = _opening(relative[0], relative[1], h), length2(relative[0])
     # While it grows, the squared distance grows by at most 2 now in a step; 3, as its growth may not be steady.
-    least = _length2(relative[0]) - 3.0 * (k - last) * now
-    met = select(before < 0.0, select(now >= 0.0, pairs - least, 0.0), 0.0) > 0.0
+    met = select(before < 0.0, select(now >= 0.0, pairs - (r2 - 3.0 * (k - last) * now), 0.0), 0.0) > 0.0
     if any_lane(met):
         _examine(context, base, h, last, k, met, before / (before - now), count)
-    return now
+    return now, any_lane(r2 + 3.0 * apart * minimum(now, full(0.0)) < reach2)
 
 
 @kernel
@@ -209,7 +222,7 @@ def _look_at_star(context, base, h, last, k, limit):
     before = _opening(place, velocity, h)
     place, velocity = _all_from_star(watch, k)
     now = _opening(place, velocity, h)
-    least = _length2(place) - 3.0 * (k - last) * now  # as for planets
+    least = length2(place) - 3.0 * (k - last) * now  # as for planets
     met = select(before < 0.0, select(now >= 0.0, limit - least, 0.0), 0.0) > 0.0
     if any_lane(met):
         _examine(context, base, h, last, k, met, before / (before - now), 0)
@@ -258,7 +271,7 @@ def _apart(seen, count):
 
 
 @kernel(inline=True)
-def _length2(vector):
+def length2(vector):
     x, y, z = vector
     return x * x + y * y + z * z
 
@@ -295,7 +308,7 @@ def _opening(place, velocity, h):
 
 
 @kernel(inline=True)
-def _apsides(mu, place, velocity):
+def apsides(mu, place, velocity):
     """Return the least and largest distances on the osculating orbits, and distance / speed at the least."""
     (x, y, z), (u, v, w) = place, velocity
     cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
@@ -318,16 +331,17 @@ def _steps_apart(there, time, h):
 
 @kernel(inline=True)
 def _known2(watch):
-    """Return the squared distances below which the approaches of the planet in each lane to others are looked at, and
-    the least ones from the star.
+    """Return the squared distances below which the approaches of the planet in each lane to others are looked at, the
+    least ones from the star, and the reaches.
     """
-    among = of_star = full(0.0)
+    among = of_star = reaches = full(0.0)
     for k in range(watch.bodies - 1):
         body, here = _body(watch, k), unit(k)
         closest, reach = watch.record[DISTANCE2], watch.reaches[body]
         among = select(here, max(closest[OTHER, body], reach * reach), among)
         of_star = select(here, max(closest[DOMINANT, body], closest[OTHER, 0]), of_star)
-    return among, of_star
+        reaches = select(here, reach, reaches)
+    return among, of_star, reaches
 
 
 @kernel(inline=True)
@@ -336,6 +350,15 @@ def _within(known2, pairs, count):
     in lanes without a pair.
     """
     return select(pairs, maximum(known2, _onwards(known2, count)) / SLACK, -math.inf)
+
+
+@kernel(inline=True)
+def _reach2(reach, within, count):
+    """Return the squared reaches of the pairs with the planets `count` lanes on, from those `_within` which they are
+    looked at; 0 in lanes without a pair.
+    """
+    longer = maximum(reach, _onwards(reach, count))
+    return select(within >= 0.0, longer * longer, 0.0)
 
 
 @kernel(inline=True)
@@ -366,10 +389,10 @@ def _examine(context, base, h, last, k, met, guess, count):
             if sure or turns:
                 break
             begin, sure = _last_falling(watch, h, last, k, one, two), True
+        if not turns:  # it is r' that turned there
+            continue
         two, closest = _body(watch, two), watch.record[DISTANCE2]
         if one < 0:
-            if not turns:  # it is r' that turned there
-                continue
             one = 0
             known, angle = max(closest[DOMINANT, two], closest[OTHER, 0]), SLACK * min(watch.pericentre_angle, 1.0)
         else:
@@ -402,12 +425,11 @@ def _relative(watch, step, one, two):
     trace, a = watch.trace, TRACE_ROWS * WIDTH * step + two
     x, y, z = trace[a], trace[a + WIDTH], trace[a + 2 * WIDTH]
     u, v, w = trace[a + 3 * WIDTH], trace[a + 4 * WIDTH], trace[a + 5 * WIDTH]
-    for k in range(one, two):
+    for k in range(max(one, 0), two):
         b, share = a - two + k, watch.lanes[SHARE, k] if k > one else watch.lanes[SHARE, k] - 1.0
-        if k >= 0:
-            x, y, z = x + share * trace[b], y + share * trace[b + WIDTH], z + share * trace[b + 2 * WIDTH]
-            b += 3 * WIDTH
-            u, v, w = u + share * trace[b], v + share * trace[b + WIDTH], w + share * trace[b + 2 * WIDTH]
+        x, y, z = x + share * trace[b], y + share * trace[b + WIDTH], z + share * trace[b + 2 * WIDTH]
+        b += 3 * WIDTH
+        u, v, w = u + share * trace[b], v + share * trace[b + WIDTH], w + share * trace[b + 2 * WIDTH]
     return x, y, z, u, v, w
 
 

@@ -48,8 +48,10 @@ class OwnSteps(NamedTuple):
         """
         form = form_of_bodies(METHOD, lagrangian, Adaptive(), with_particles=True)
         assert isinstance(form, Collocation | CanonicalBodies)
-        # About a single body, which nothing disturbs, the map is exact whatever the step.
-        angle = np.inf if len(gm) == 1 and NEWTONIAN in lagrangian.traits else 2.0 * np.pi / least_steps
+        # About a single body, which nothing disturbs, the map is exact whatever the step; but impacts on its surface
+        # are looked for in own steps alone.
+        exact = len(gm) == 1 and NEWTONIAN in lagrangian.traits and not (radii is not None and radii[dominant] > 0.0)
+        angle = np.inf if exact else 2.0 * np.pi / least_steps
         limits = np.array([dominant, gm[dominant], angle])
         return cls(near_planets(gm, dominant), limits, form, radii)
 

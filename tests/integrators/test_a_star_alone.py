@@ -75,3 +75,25 @@ def test_a_pericentre_that_the_step_does_not_resolve_is_said_with_terms():
     with pytest.warns(orbits.StepWarning, match=r"(?s)too long for 2 massless particles.*p7 passes star.*p3 passes"):
         run = orbits.propagate(start, DEFAULT, **options)
     assert any("p3" in str(passage) for passage in run.unresolved())
+
+
+@pytest.mark.parametrize("coordinates", ["jacobi", "democratic-heliocentric"])
+@pytest.mark.parametrize("planet", [0.0, 1e-4])
+def test_a_particle_that_falls_is_where_it_is_on_its_way_and_hits_the_surface(coordinates, planet):
+    """Samples while it takes steps of its own, and the impact: t = 4.276519514 by Kepler's equation for r = 0.05."""
+    method = orbits.WisdomHolman(coordinates=coordinates, encounters="follow")
+    q, v = zip(
+        (np.zeros(3), np.zeros(3)),
+        state_from_elements(1.0, a=20.0, e=0.01, inc=0.0, Omega=0.0, omega=0.0, M=1.0),
+        state_from_elements(1.0, a=1.0, e=0.99, inc=0.1, Omega=0.0, omega=0.0, M=2.0),
+        strict=True,
+    )
+    start = orbits.System.from_states(["star", "planet", "grain"], [1.0, planet, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    options = {"duration": 6.0, "samples": 301, "progress": False}
+    run = orbits.propagate(start, method, dt=0.02, **options)
+    truth = orbits.propagate(start, **options)
+    assert np.abs((run.q - truth.q).value).max() < 3e-7  # 1.8e-7 was reached in democratic heliocentric coordinates
+    with_surface = start.replaced(radii=[0.05, 0.0, 0.0])
+    with pytest.warns(orbits.errors.RetiredWarning, match="it hit star"):
+        run = orbits.propagate(with_surface, method, dt=0.02, **options)
+    assert abs(float(run.retired["grain"].time) - 4.276519514) < 1e-6

@@ -79,6 +79,35 @@ def test_planets_of_several_registers_have_in_lanes_the_bits_they_have_alone(cou
     assert_same(*pairs, 60)
 
 
+SCATTERED = {
+    "one falls to the star": (10, 9, 0.05, 1.2, 0.0),
+    "two meet between samples": (19, 9, 0.05, 1.2, 0.0),
+    "two meet twice in ten steps": (11, 6, 0.3, 1.2, 0.0),
+    "the innermost and the outermost": (1, 9, 0.5, 1.4, 0.05),
+}
+"""Seeds, numbers of bodies, eccentricities, spacings, and the share of a heavy planet of the mass of the star."""
+
+
+@pytest.mark.parametrize("what", SCATTERED)
+def test_approaches_of_planets_that_scatter_each_other_are_those_found_step_by_step(what):
+    seed, n, eccentricity, spacing, heavy = SCATTERED[what]
+    gm, q, v = planets(n, seed, eccentricity, spacing)
+    order = np.argsort(-gm, kind="stable")[:1].tolist()
+    order += [k for k in range(n) if k not in order]
+    gm, q, v = gm[order], q[order], v[order]
+    if heavy:
+        gm[1 + np.random.default_rng(seed + 1000).integers(n - 1)] = heavy * gm[0]
+    whole, by_steps = (march(METHODS["standard"], (gm, q, v), 2.0) for _ in range(2))
+    assert whole._watcher._planets
+    by_steps._watcher._planets = False
+    whole.advance(3000)
+    for _ in range(3000):
+        by_steps.advance(1)
+    found, known = whole.approaches()[0], by_steps.approaches()[0]
+    there = np.isfinite(known)
+    assert np.allclose(found[there], known[there], rtol=1e-9, atol=0.0)
+
+
 @pytest.mark.parametrize("count", [5, 7])
 def test_lanes_that_are_left_change_nothing(count):
     systems = [planets(5, seed) for seed in range(count)]

@@ -10,9 +10,9 @@ from orbits.kernels.approach_search import FRACTION, SLACK, estimate, is_near_or
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, note_rows
 from orbits.kernels.interaction import load_three, store_three
-from orbits.kernels.lanes import WIDTH, any_lane, full, lane, load, maximum, minimum, select, sqrt, store
+from orbits.kernels.lanes import WIDTH, any_lane, full, lane, load, maximum, minimum, select, store
 from orbits.kernels.observing import call_enter
-from orbits.kernels.planet_approaches import MOST_APART
+from orbits.kernels.planet_approaches import MOST_APART, WANDERING, apsides, length2
 from orbits.kernels.systems.interaction import store_places
 from orbits.kernels.systems.planet_rows import CENTRE, PLANET, STATE, body_of, registers_of, rows_of_planets
 from orbits.kernels.systems.planets import place_seen, show_in_lanes
@@ -23,12 +23,14 @@ MOST_SOUGHT = WIDTH
 the samples that it takes alone."""
 
 KNOWN_STAR, REACH_STAR, STAR_ROWS = 0, 1, 2
-PLACES, SPEEDS, LAST_PLACES, LAST_SPEEDS, OPENING, KNOWN, KNOWN_OTHER, REACH, SOUGHT = 0, 3, 6, 9, 12, 13, 14, 15, 16
+PLACES, SPEEDS, LAST_PLACES, LAST_SPEEDS, OPENING, KNOWN, KNOWN_OTHER, REACH = 0, 3, 6, 9, 12, 13, 14, 15
+NEAR, FAR, SOUGHT = 16, 17, 18
 """Rows after those of the march: the least squared distance so far of the star from the other planets, and its reach;
 then `SOUGHT` rows of each planet: its place and velocity relative to the star at this sample and at the last one; half
 of the change of the squared distance in a step then; the least squared distances so far from the star and from other
-planets, and its reach. Then half of that change of each pair; and for each step since the last sample, r' and its
-velocity of each planet, then those of the centre of mass."""
+planets, and its reach; the squared distances from the star at which it has left its apsides. Then half of that change
+of each pair; and for each step since the last sample, r' and its velocity of each planet, then those of the centre of
+mass."""
 
 
 def rows_of_search(count: int) -> int:
@@ -87,23 +89,44 @@ def keep_in_lanes(rows, count, slot):
 
 
 @kernel
-def _show_steps(rows, count, carries, path, width, steps, whose):
-    """Write what is seen of some systems at the beginnings of `steps` steps since the last sample, and after them, into
-    the first rows of their paths: they stay in the cache.
+def _take_back(rows, count, slot):
+    """Make a state that was kept the present one; low parts stay."""
+    first = _kept(count, slot)
+    for i in range(count):
+        for k in range(6):
+            store(rows, PLANET * i + STATE + k, load(rows, first + 6 * i + k))
+
+
+@kernel
+def _show_steps(rows, count, carries, path, width, slot, steps, whose):
+    """Write what is seen of some systems at the beginnings of `steps` steps, and after them, into the first rows of
+    their paths: they stay in the cache. The first one is kept in `slot`.
     """
     for step in range(steps + 1):
-        first = _kept(count, step)
+        first = _kept(count, slot + step)
         show_in_lanes(rows, count, first, 6, first + _centre(count))
         for system in range(WIDTH):
             if lane(whose, system) != 0.0:
                 place_seen(rows, count, carries[system], system, path[system], path[system], 2 * step * width, width)
 
 
-@kernel(inline=True)
+@kernel
 def _store_sample(rows, count):
     """Write places and velocities relative to the star."""
     store_places(rows, count, STATE, _sought(count) + PLACES, SOUGHT)
     store_places(rows, count, STATE + 3, _sought(count) + SPEEDS, SOUGHT)
+
+
+@kernel
+def _have_left(rows, count):
+    """Return whether a planet is outside its apsides at the beginning of the block."""
+    for i in range(count):
+        planet = _sought(count) + SOUGHT * i
+        x, y, z = load_three(rows, planet + PLACES)
+        r2 = x * x + y * y + z * z
+        if any_lane((r2 < load(rows, planet + NEAR)) + (r2 > load(rows, planet + FAR))):
+            return True
+    return False
 
 
 @kernel(inline=True)
@@ -131,7 +154,7 @@ def begin_search(rows, count, h, contexts, carries, path, width):
         if contexts[system] != 0 and watch_at(contexts[system]).first == 0:
             first_of_all = True
     if first_of_all:
-        _show_steps(rows, count, carries, path, width, 0, full(1.0))
+        _show_steps(rows, count, carries, path, width, 0, 0, full(1.0))
     for system in range(WIDTH):
         if contexts[system] != 0 and watch_at(contexts[system]).first == 0:
             note_rows(contexts[system], 0, count + 1)
@@ -142,13 +165,12 @@ def begin_search(rows, count, h, contexts, carries, path, width):
     for system in range(1, WIDTH):
         mu = max(mu, watch_at(contexts[system]).mu) if contexts[system] != 0 else mu
     for i in range(count):
-        (x, y, z), (u, v, w) = _sample(rows, _sought(count) + SOUGHT * i)
-        cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
-        swept2 = cx * cx + cy * cy + cz * cz
-        parameter = swept2 / mu
-        inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / mu
-        least = parameter / (1.0 + sqrt(maximum(1.0 - parameter * inverse_a, full(0.0))))
-        shortest = minimum(shortest, least * least / sqrt(swept2))
+        planet = _sought(count) + SOUGHT * i
+        lowest, highest, at_lowest = apsides(full(mu), *_sample(rows, planet))
+        near, far = lowest / WANDERING, minimum(WANDERING * highest, full(1e150))
+        store(rows, planet + NEAR, near * near)
+        store(rows, planet + FAR, far * far)
+        shortest = minimum(shortest, at_lowest)
     time = lane(shortest, 0)
     for system in range(1, WIDTH):
         time = min(time, lane(shortest, system))
@@ -211,39 +233,62 @@ def _opening(sample, h):
 
 @kernel
 def search_in_lanes(rows, count, h, begin, end, contexts, carries, path, width):
-    """Look for approaches between the last sample, at step `begin`, and the present state, at step `end`."""
+    """Look for approaches between the last sample, at step `begin`, and the present state, at step `end`; return
+    whether each step has to be a sample from here on: planets have left their apsides, or may deflect each other.
+    """
     _store_sample(rows, count)
+    if end - begin == 1 or not _have_left(rows, count):
+        return _look(rows, count, h, begin, 0, end - begin, contexts, carries, path, width)
+    for slot in range(end - begin):
+        _take_back(rows, count, slot + 1)
+        _store_sample(rows, count)
+        _look(rows, count, h, begin, slot, 1, contexts, carries, path, width)
+    return True
+
+
+@kernel
+def _look(rows, count, h, begin, slot, many, contexts, carries, path, width):
+    """Look for approaches between the last sample, which is kept in `slot`, and the present one, `many` steps later;
+    return whether planets may come within their reach in as many steps again.
+
+    begin : the step whose state is in the first slot
+    """
+    within = False
     whose, pair = full(0.0), _first_pair(count)
     for i in range(count):
         planet = _sought(count) + SOUGHT * i
         here = _sample(rows, planet)
         met = (load(rows, planet + OPENING) < 0.0) * (_opening(here, h) >= 0.0)
         if any_lane(met):
-            met = met * _wanted_of_star(rows, h, end - begin, _star(count), planet, contexts)
+            met = met * _wanted_of_star(rows, h, many, _star(count), planet, contexts)
             whose = maximum(whose, met)
         store(rows, planet + OPENING, met)
         for j in range(i):
             other = _sought(count) + SOUGHT * j
-            now = _opening(_of_pair(here, _sample(rows, other)), h)
+            apart = _of_pair(here, _sample(rows, other))
+            now, reach = _opening(apart, h), maximum(load(rows, planet + REACH), load(rows, other + REACH))
+            draws_near = length2(apart[0]) + 3.0 * many * minimum(now, full(0.0)) < reach * reach
+            within = within or any_lane(draws_near)
             met = (load(rows, pair) < 0.0) * (now >= 0.0)
             if any_lane(met):
-                met = met * _wanted_of_pair(rows, h, end - begin, planet, other, contexts)
+                met = met * _wanted_of_pair(rows, h, many, planet, other, contexts)
                 whose = maximum(whose, met)
             store(rows, pair, met)
             pair += 1
     if any_lane(whose):
-        _show_steps(rows, count, carries, path, width, end - begin, whose)
+        _show_steps(rows, count, carries, path, width, slot, many, whose)
         pair = _first_pair(count)
         for i in range(count):
             met = load(rows, _sought(count) + SOUGHT * i + OPENING)
             if any_lane(met):
-                _enter(contexts, carries, count, met, i, -1, begin, end, h)
+                _enter(contexts, carries, count, met, i, -1, begin + slot, many, h)
             for j in range(i):
                 if any_lane(load(rows, pair)):
-                    _enter(contexts, carries, count, load(rows, pair), i, j, begin, end, h)
+                    _enter(contexts, carries, count, load(rows, pair), i, j, begin + slot, many, h)
                 pair += 1
         _take_known(rows, count, contexts, carries, whose)
     _take_openings(rows, count, h)
+    return within
 
 
 @kernel
@@ -281,9 +326,9 @@ def _wanted(passage_angle, h, many, first, second, limits):
 
 
 @kernel
-def _enter(contexts, carries, count, wanted, i, j, begin, end, h):
-    """Record the approach of planets i and j, or of planet i and the star for j = -1, in the systems in which it is
-    wanted.
+def _enter(contexts, carries, count, wanted, i, j, begin, many, h):
+    """Record the approach of planets i and j, or of planet i and the star for j = -1, in the `many` steps from `begin`
+    on, in the systems in which it is wanted.
     """
     for system in range(WIDTH):
         if contexts[system] != 0 and lane(wanted, system) != 0.0:
@@ -291,5 +336,5 @@ def _enter(contexts, carries, count, wanted, i, j, begin, end, h):
             context, enter = contexts[system], watch_at(contexts[system]).enter
             first = watch_at(context).first
             set_first(context, first + begin)
-            call_enter(enter, context, no_particles(), min(body, other), max(body, other), 0, end - begin, h)
+            call_enter(enter, context, no_particles(), min(body, other), max(body, other), 0, many, h)
             set_first(context, first)

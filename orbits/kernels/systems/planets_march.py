@@ -37,7 +37,8 @@ def march_planets(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows
             step_in_lanes(rows, count, h, shift, lazy)
             keep_in_lanes(rows, count, k - last)
             if k - last == apart or k == steps:
-                search_in_lanes(rows, count, h, last, k, contexts, carries, path, width)
+                if search_in_lanes(rows, count, h, last, k, contexts, carries, path, width):
+                    apart = 1
                 keep_in_lanes(rows, count, 0)
                 last = k
     show_in_lanes(rows, count, STATE, PLANET, CENTRE)
