@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import orbits
+from orbits.elements import state_from_elements
 from orbits.kernels.encounters import PARTNER
 from orbits.kernels.interaction import displace, interact, modify
 from orbits.kernels.jacobi import advance_planets, finish_velocities, step_lazy, step_modified, step_plain
@@ -98,6 +99,27 @@ def test_approaches_of_planets_are_those_of_the_general_search(seed):
         assert np.array_equal(listed, its_list)
         assert np.array_equal(one, other)
         assert len(set(one[PARTNER, 1, 1:8])) > 2
+
+
+@pytest.mark.parametrize("seed", [0, 2, 21])
+def test_the_innermost_and_the_outermost_of_eight_planets_are_no_neighbours(seed):
+    """A heavy planet between them, so that the star is not where Jacobi coordinates begin. The outermost one comes in
+    to the innermost one.
+    """
+    rng, gm, states = np.random.default_rng(seed), [1.0], [np.zeros((2, 3))]
+    light = [(1e-9, a, 0.02, M) for a, M in ((1.5, 1.0), (1.9, 3.0), (2.4, 5.0), (2.9, 0.0), (3.3, 2.0))]
+    first, seventh = (1e-9, 1.1, 0.1, rng.uniform(0, 6.28)), (0.05, 5.0, 0.02, rng.uniform(0, 6.28))
+    for m, a, e, M in [first, *light, seventh, (1e-9, 8.0, 0.86, 5.28 + 0.2 * rng.random())]:
+        omega = rng.uniform(0, 6.28) if m < 1e-8 and e > 0.05 else 0.0
+        states.append(np.array(state_from_elements(1 + m, a=a, e=e, inc=0.02, Omega=1.0, omega=omega, M=M)))
+        gm.append(m)
+    q, v = np.array(states).transpose(1, 0, 2)
+    whole, by_steps = (marcher(np.array(gm), q, v, 0.02) for _ in range(2))
+    by_steps._watcher._planets = False
+    whole.advance(2500)
+    for _ in range(2500):
+        by_steps.advance(1)
+    assert np.allclose(whole.approaches()[0, 1, 1:9], by_steps.approaches()[0, 1, 1:9], rtol=1e-9, atol=0.0)
 
 
 def test_more_than_nine_bodies_and_stars_that_are_not_first_are_searched_in_general():
