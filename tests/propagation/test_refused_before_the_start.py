@@ -206,11 +206,10 @@ def test_particles_that_start_beside_a_planet_are_told_before_the_start_or_refus
 
 
 @pytest.mark.parametrize("flat", [True, False])
-def test_with_terms_that_depend_on_velocities_none_is_sent_to_steps_of_its_own(flat):
+def test_with_terms_of_any_kind_they_are_sent_to_steps_of_their_own(flat):
     oblate = orbits.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
     term = oblate if flat else orbits.PostNewtonian(sources=["Sun"])
-    remedy = 'Use encounters="follow", or Gauss' if flat else r"Use Gauss\(stages=8\)\."
-    with pytest.raises(InputError, match=rf"m0 is 0\.0009 AU from Jupiter\. {remedy}"):
+    with pytest.raises(InputError, match=r'm0 is 0\.0009 AU from Jupiter\. Use encounters="follow", or Gauss'):
         orbits.propagate(
             beside_jupiter(0.001).with_terms(term), MAP, dt="50 d", duration="1 yr", check_step="refuse", **OPTIONS
         )
