@@ -1,7 +1,7 @@
 """Hyperion's spin about the axis of its orbit: the chaotic sea of Wisdom, Peale and Mignard, and axes that fall over.
 
 Each dot is a pericentre: the angle of the long axis and the rate of the spin. At alpha = 0.89 and e = 0.1 the
-resonances 1:2, 1:1 and 3:2 have merged into a sea in which the rate wanders between 0.05 and 2.54 of the mean motion;
+resonances 1:2, 1:1 and 3:2 have merged into a sea in which the rate wanders between 0.045 and 2.56 of the mean motion;
 islands are left about 1:1, whose spin is at a rate of 0.55 when at the pericentre, 2:1 and others. Then the full
 problem in space: spins in the middle of islands, with an axis a ten-millionth of a degree off the normal of the orbit.
 At 1:1 and 1:2 the tilt grows by a constant factor in each revolution, until the moon tumbles; at 2:1 and 5:2 it stays
