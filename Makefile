@@ -32,7 +32,7 @@ test: $(DEV)  ## set up .venv and run every check: ruff, mypy, import-linter, py
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m mypy
 	$(BIN)/lint-imports
-	$(BIN)/python -m pytest $(WORKERS) -rs
+	$(BIN)/python -m pytest $(WORKERS) -rfEs --disable-warnings
 
 slow: $(DEV)  ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow
