@@ -146,7 +146,7 @@ def test_crossers_are_followed_in_democratic_heliocentric_coordinates_too():
 
 
 def test_closest_approaches_of_followed_particles_do_not_depend_on_threads():
-    """To the last bit: each share of the particles is marched among bodies of its own, which are seen the same in all."""
+    """To the last bit: each share of the particles has its own bodies, which are seen the same in all."""
     start = system(CROSSERS)
     one, other = (
         orbits.propagate(start, FOLLOW, dt=25 * u.day, duration=-100 * u.yr, samples=2, threads=threads, progress=False)
