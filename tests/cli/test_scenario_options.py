@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from orbits.cli import app
+from orbits.scenario import bundled
 
 FILE = """import orbits
 
@@ -74,6 +75,13 @@ def test_options_are_listed_and_nothing_is_run() -> None:
     assert not Path("results").exists()
     for name in ("kepler", "pendulum"):
         assert call("run", name, "--list-options").stdout == f"{name} has no options of its own.\n"
+
+
+def test_the_list_of_scenarios_names_their_options() -> None:
+    words = " ".join(call("list").output.split())
+    assert "for a hundred thousand years; options: planets, count" in words
+    record = json.loads(call("list", "--json").stdout)["scenarios"]
+    assert {each["name"]: each["options"] for each in record} == {s.name: list(s.options) for s in bundled()}
 
 
 def test_a_scenario_run_as_a_program_takes_the_same_options(file: Path) -> None:

@@ -22,7 +22,7 @@ from orbits.ensemble import command as campaigns
 from orbits.ensemble import run as run_campaign
 from orbits.errors import ArchiveError, InputError, Interrupted, UnknownNameError
 from orbits.propagation import sample_store
-from orbits.scenario import perform
+from orbits.scenario import bundled, load, perform
 from orbits.scenario.certificates import certify_scenario, to_record
 from orbits.scenario.options import read_options
 
@@ -304,3 +304,24 @@ def test_a_campaign_with_other_options_is_refused(tmp_path) -> None:
     run_campaign(plan(pair()), tmp_path / "c")
     with pytest.raises(ArchiveError, match="another campaign"):
         run_campaign(plan(pair().with_options(a=2.0)), tmp_path / "c")
+
+
+def test_lists_name_the_options_of_each_bundled_scenario_as_it_has_them() -> None:
+    with_options = {each.name: each.options for each in bundled() if "Option(" in each.path.read_text(encoding="utf-8")}
+    assert "kirkwood_gaps" in with_options
+    for name, options in with_options.items():
+        scenario = load(name)
+        assert isinstance(scenario, orbits.Scenario)
+        assert options == tuple(option.name for option in scenario.options)
+
+
+def test_the_belt_is_set_among_giants_or_all_planets() -> None:
+    scenario = load("kirkwood_gaps")
+    assert isinstance(scenario, orbits.Scenario)
+    assert scenario.chosen == {"planets": "giants", "count": 10_000}
+    assert scenario.step() == 20 * u.day
+    few, everything = scenario.with_options(count=7), scenario.with_options(count=7, planets="all")
+    (giants,), (planets,) = few.cases().values(), everything.cases().values()
+    assert (int(giants.massive.sum()), len(giants)) == (5, 12)
+    assert (int(planets.massive.sum()), len(planets)) == (9, 16)
+    assert everything.step() == 3 * u.day
