@@ -373,6 +373,16 @@ def test_the_gaps_of_the_belt_begin_to_open_in_twenty_thousand_years(tmp_path, m
     assert min(width, height) >= 800
 
 
+@pytest.mark.parametrize(("count", "failing"), [(100, 0), (2500, 2)])
+def test_resonances_are_demanded_to_show_among_enough_particles_only(count, failing, tmp_path, monkeypatch):
+    """In fifty years they do not: 2,500 particles fail what is demanded of longer runs, of 100 nothing is demanded."""
+    scenario = load("kirkwood_gaps").with_options(count=count).with_changes(duration=50 * u.yr, samples=3)
+    monkeypatch.setitem(scenario.checks.__globals__, "LONG_ENOUGH", 10)
+    outcome = perform(scenario, out=tmp_path, plot=False)
+    assert len(outcome.failures) == failing
+    assert len(outcome.checks) == 2 + failing
+
+
 def test_the_figure_eight_is_judged_by_closure_and_energy(tmp_path, monkeypatch):
     """With half of the steps Gauss(2) misses what others demand of it, and Gauss(4) the digits of the start."""
     scenario = load("figure_eight")
