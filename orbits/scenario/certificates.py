@@ -102,9 +102,9 @@ def to_record(outcome: CertifyOutcome) -> dict[str, Any]:
 def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str, Any, Any, Any, dict[str, Any]]]:
     if isinstance(scenario, Scenario):
         with located():
-            cases = scenario.cases()
+            cases, own = scenario.cases(), scenario.step()
         for case, system in cases.items():
-            step = scenario.step()
+            step = own
             if isinstance(step, str):  # a text such as "P/100", which this system gives a meaning
                 step = TimeGrid.of(system, step, duration=scenario.duration, samples=2).dt
             for method in scenario.integrators if integrator is None else (integrator,):

@@ -47,7 +47,7 @@ def _is_function(value: Any) -> bool:
     return callable(value) and not isinstance(value, type)
 
 
-def _check_takes_options(function: Any, what: str) -> None:
+def _check_takes_options(function: Any, scenario: str, what: str) -> None:
     """Raise InputError for a function that cannot be called with the values of the options."""
     if not _is_function(function):
         return
@@ -55,8 +55,8 @@ def _check_takes_options(function: Any, what: str) -> None:
         inspect.signature(function).bind({})
     except TypeError as error:
         raise InputError(
-            f"{what} is a function that cannot be called with the values of the options ({error}); expected one "
-            "argument, such as in: def system(options), with options['count']."
+            f"scenario {scenario!r}: {what} is a function that cannot be called with the values of the options "
+            f"({error}); expected one argument: def {what}(options), which has options['NAME']."
         ) from None
     except ValueError:  # a function without a signature
         return
@@ -171,7 +171,7 @@ class Scenario:
                 raise InputError(f"scenario {self.name!r}: {what} must be a function of the outcome.")
         options = checked_options(self.options, self.name)
         for what in ("system", "dt") if options else ():
-            _check_takes_options(getattr(self, what), f"scenario {self.name!r}: {what}")
+            _check_takes_options(getattr(self, what), self.name, what)
         object.__setattr__(self, "options", options)
         object.__setattr__(self, "chosen", all_values(options, self.chosen, self.name))
         object.__setattr__(self, "integrators", integrators)
@@ -205,7 +205,7 @@ class Scenario:
         """Return the scenario with some fields replaced; None leaves a field unchanged."""
         return replace(self, **{key: value for key, value in changes.items() if value is not None})
 
-    def with_options(self, **values: Any) -> Scenario:
+    def with_options(self, /, **values: Any) -> Scenario:
         """Return the scenario with other values of its own options.
 
         Raises UnknownNameError for a name that is not that of an option, with the nearest, and InputError for a value

@@ -231,8 +231,9 @@ def test_a_scenario_without_options_has_functions_without_arguments_and_says_not
         ({"chosen": {"b": 3}}, "'pair' has no option 'b'; its options are a and fine"),
         ({"chosen": [3]}, "chosen is \\[3\\]; expected the values of options by name"),
         ({"chosen": {"a": 0.0}}, "option 'a' of 'pair' is 0.0; expected a number >= 0.1"),
-        ({"system": lambda: 3}, "system is a function that cannot be called with the values of the options"),
-        ({"dt": lambda a, b: 3}, "dt is a function that cannot be called with the values of the options"),
+        ({"system": lambda: 3}, "'pair': system is a function that cannot be called with the values of the options"),
+        ({"dt": lambda a, b: 3}, r"expected one argument: def dt\(options\), which has options\['NAME'\]."),
+        ({"options": [orbits.Option("self", 1, help="a name")], "chosen": {"self": 0.5}}, "expected a whole number"),
     ],
 )
 def test_a_scenario_whose_options_cannot_be_is_refused_where_it_is_made(changes, message) -> None:
@@ -243,6 +244,8 @@ def test_a_scenario_whose_options_cannot_be_is_refused_where_it_is_made(changes,
 def test_an_option_that_a_function_misspells_is_told_with_the_line(tmp_path) -> None:
     with pytest.raises(InputError, match=r"test_options.py, line \d+: KeyError: 'finer'"):
         perform(pair(dt=lambda options: options["finer"]), out=tmp_path)
+    with pytest.raises(InputError, match=r"test_options.py, line \d+: KeyError: 'finer'"):
+        certify_scenario(pair(dt=lambda options: options["finer"]), out=tmp_path)
 
 
 def stop_after_the_first_samples(monkeypatch: pytest.MonkeyPatch) -> None:
