@@ -14,7 +14,7 @@ import math
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
-from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, sqrt, unit
+from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, minimum, select, sqrt, unit
 from orbits.kernels.observing import call_enter, call_observer, call_search
 from orbits.kernels.paths import hermite, steps_between
 from orbits.kernels.watch import flat, no_particles, watch_at
@@ -72,18 +72,29 @@ def is_near_or_fast(passage_angle, h, reach, d2, first, second):
 
 
 @kernel(inline=True)
-def _is_sharp(watch, h, x, y, z, u, v, w):
-    """Return for eight pairs with the dominant body whether the osculating orbit is eccentric, and its pericentre may
-    have to be listed. (Over several steps, a polynomial does not describe such a pericentre.)
+def _pericentre(watch, x, y, z, u, v, w):
+    """Return e^2 and the pericentre distance of the osculating orbits of eight pairs with the dominant body, and the
+    square of the area swept by their radii, twice, in unit time.
     """
     cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
     swept2 = cx * cx + cy * cy + cz * cz
     parameter = swept2 / watch.mu
     inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
     e2 = 1.0 - parameter * inverse_a
-    least = parameter / (1.0 + sqrt(maximum(e2, full(0.0))))
+    return e2, parameter / (1.0 + sqrt(maximum(e2, full(0.0)))), swept2
+
+
+@kernel(inline=True)
+def _is_low_or_sharp(watch, h, known, first, second):
+    """Return for eight pairs with the dominant body whether the pericentre of the osculating orbit at either of two
+    samples is closer than known, or may have to be listed, as the orbit is eccentric. (Over several steps, a polynomial
+    does not describe such a pericentre.)
+    """
+    e2, least, swept2 = _pericentre(watch, first[0], first[1], first[2], first[3], first[4], first[5])
+    _, other, _ = _pericentre(watch, second[0], second[1], second[2], second[3], second[4], second[5])
     least2, angle, least_e = least * least, CAUTION * watch.pericentre_angle, CAUTION * watch.least_eccentricity
-    return (e2 > least_e * least_e) * (h * h * swept2 > angle * angle * least2 * least2)
+    sharp = (e2 > least_e * least_e) * (h * h * swept2 > angle * angle * least2 * least2)
+    return sharp + (SLACK * minimum(least2, other * other) < known)
 
 
 @kernel(inline=True)
@@ -173,7 +184,9 @@ def search(context, track, h, steps, j, row, valid):
             if k - last > 1 and dominant < 0:
                 wanted = full(1.0)
             elif central:
-                wanted = wanted + _is_sharp(watch, h, x0, y0, z0, u0, v0, w0)
+                wanted = wanted + _is_low_or_sharp(
+                    watch, h, known, (x0, y0, z0, u0, v0, w0), (x, y, z, u, v, w)
+                )
             turned = turned * wanted
             for i in range(WIDTH):
                 if lane(turned, i) != 0.0:

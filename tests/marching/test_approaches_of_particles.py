@@ -1,0 +1,56 @@
+"""The search for closest approaches in blocks of many steps finds what a search in every single step finds."""
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits.elements import state_from_elements
+from orbits.kernels.encounters import DISTANCE2, DOMINANT
+from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.marcher import Marcher
+
+FOLLOW = {"encounters": "follow"}
+METHODS = {
+    "followed": orbits.WisdomHolman(**FOLLOW),
+    "followed, heliocentric": orbits.WisdomHolman(coordinates="democratic-heliocentric", **FOLLOW),
+    "map": orbits.WisdomHolman(),
+    "Störmer-Verlet": orbits.StormerVerlet(),
+}
+STEPS = 600
+
+
+def orbit(rng, **elements):
+    return state_from_elements(1.0, **elements, **{name: rng.uniform(0.0, 6.0) for name in ("Omega", "omega", "M")})
+
+
+def bodies(seed):
+    """A star, one to six planets, and 24 particles on eccentric orbits among them, with G = 1."""
+    rng, chosen = np.random.default_rng(seed), np.random.default_rng(1000 + seed)
+    gm, states, a = [1.0], [(np.zeros(3), np.zeros(3))], 1.0
+    for _ in range(int(chosen.integers(1, 7))):
+        gm.append(10.0 ** rng.uniform(-6.0, -3.0))
+        states.append(orbit(rng, a=a, e=rng.uniform(0.0, 0.1), inc=rng.uniform(0.0, 0.05)))
+        a *= rng.uniform(1.4, 2.2)
+    for _ in range(24):
+        gm.append(0.0)
+        states.append(orbit(rng, a=rng.uniform(0.7, a), e=rng.uniform(0.0, 0.9), inc=rng.uniform(0.0, 0.3)))
+    q, v = map(np.array, zip(*states, strict=True))
+    return np.array(gm), q, v
+
+
+@pytest.mark.parametrize("seed", [3, 13, 25, 28])
+@pytest.mark.parametrize("name", METHODS)
+def test_pericentres_are_found_in_blocks_as_in_single_steps(name, seed):
+    """Also those between two samples that are far apart, of orbits so eccentric that no polynomial follows them there:
+    pericentres were missed whose distance was 5 % less than that on record.
+    """
+    gm, q, v = bodies(seed)
+    one, other = (
+        Marcher(newtonian, METHODS[name], parameters(gm[gm > 0]), gm > 0, q, v, 0.1, retire=True) for _ in range(2)
+    )
+    one.advance(STEPS)
+    for _ in range(STEPS):
+        other.advance(1)
+    found, expected = (run.checkpoint()["approaches"][DISTANCE2, DOMINANT] for run in (one, other))
+    # Between which of its own steps a followed particle is looked for may differ: 1.2e-10 was seen.
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
