@@ -92,7 +92,7 @@ if TYPE_CHECKING:
     from orbits.propagation.variations.state_transition import state_transition
     from orbits.propagation.verification import Verification, verify
     from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
-    from orbits.scenario import Check, Scenario, Study, StudyResult, Table
+    from orbits.scenario import Check, Option, Scenario, Study, StudyResult, Table
     from orbits.system import System
     from orbits.system.rigid_body import RigidBody
     from orbits.system.solar.description import solar_model
@@ -155,6 +155,7 @@ __all__ = [
     "NonGravitational",
     "Occultation",
     "Opposition",
+    "Option",
     "OrbitsError",
     "OrbitsWarning",
     "OutOfTime",
@@ -284,7 +285,7 @@ _HOME = {
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
     "propagation.verification": ["Verification", "verify"],
-    "scenario": ["Check", "Scenario", "Study", "StudyResult", "Table"],
+    "scenario": ["Check", "Option", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
     "system.rigid_body": ["RigidBody"],
     "system.solar.description": ["solar_model"],

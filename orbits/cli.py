@@ -18,7 +18,20 @@ from typer.core import TyperCommand, TyperOption
 from orbits._version import __version__
 from orbits.errors import OutOfTime
 from orbits.scenario import command
-from orbits.scenario.command import Beat, Dt, Duration, Json, Method, NoPlot, Out, Samples, WallTime, guarded
+from orbits.scenario.command import (
+    Beat,
+    Dt,
+    Duration,
+    Json,
+    ListOptions,
+    Method,
+    NoPlot,
+    Out,
+    Own,
+    Samples,
+    WallTime,
+    guarded,
+)
 
 app = typer.Typer(
     name="orbits",
@@ -55,11 +68,13 @@ def run(
     duration: Duration = None,
     integrator: Method = None,
     samples: Samples = None,
+    own: Own = None,
     out: Out = None,
     as_json: Json = False,
     no_plot: NoPlot = False,
     wall_time: WallTime = None,
     heartbeat: Beat = None,
+    list_options: ListOptions = False,
 ) -> None:
     """Run a scenario: integrate, compare, check, draw.
 
@@ -68,7 +83,10 @@ def run(
     with guarded():
         from orbits.scenario import load
 
-        changed = command.changed(load(scenario), dt, duration, integrator, samples)
+        changed = command.changed(load(scenario), dt, duration, integrator, samples, own)
+        if list_options:
+            command.show_options(changed, as_json=as_json)
+            return
         code = command.execute(
             changed, out=out, as_json=as_json, no_plot=no_plot, wall_time=wall_time, heartbeat=heartbeat
         )
@@ -143,6 +161,7 @@ def compare(
     duration: Duration = None,
     integrator: Method = None,
     samples: Samples = None,
+    own: Own = None,
     out: Out = None,
     as_json: Json = False,
     no_plot: NoPlot = False,
@@ -154,9 +173,8 @@ def compare(
     --against de440
     """
     with guarded():
-        raise typer.Exit(
-            _compare(scenario, against, (dt, duration, integrator, samples), out=out, as_json=as_json, no_plot=no_plot)
-        )
+        typed = dt, duration, integrator, samples, own
+        raise typer.Exit(_compare(scenario, against, typed, out=out, as_json=as_json, no_plot=no_plot))
 
 
 @app.command()
@@ -166,6 +184,7 @@ def certify(
         str | None, typer.Option(help="Another step: '6 d', or a number in the problem's unit of time.", metavar="TIME")
     ] = None,
     integrator: Method = None,
+    own: Own = None,
     out: Out = None,
     as_json: Json = False,
 ) -> None:
@@ -179,7 +198,8 @@ def certify(
     with guarded():
         from orbits.scenario import load
 
-        raise typer.Exit(command.certify(load(scenario), dt, integrator, out=out, as_json=as_json))
+        chosen = command.with_own(load(scenario), own)
+        raise typer.Exit(command.certify(chosen, dt, integrator, out=out, as_json=as_json))
 
 
 @app.command()
@@ -373,6 +393,7 @@ def ensemble(
         ),
     ] = None,
     samples: Samples = None,
+    own: Own = None,
     block: Annotated[
         int | None,
         typer.Option(
@@ -420,7 +441,7 @@ def ensemble(
         from orbits.integrators import parse
         from orbits.scenario.typed import quantity, step_or_clock
 
-        name, plan = _plan(what)
+        name, plan = _plan(what, own)
         plan = plan.changed(
             dt=None if dt is None else step_or_clock(dt, "--dt"),
             duration=None if duration is None else quantity(duration, "--duration"),
@@ -482,7 +503,10 @@ def list_(as_json: Json = False) -> None:
         methods = [cls() for _, cls in sorted(integrators.registry().items())]
         if as_json:
             record = {
-                "scenarios": [{"name": s.name, "summary": s.summary, "path": str(s.path)} for s in bundled()],
+                "scenarios": [
+                    {"name": s.name, "summary": s.summary, "path": str(s.path), "options": list(s.options)}
+                    for s in bundled()
+                ],
                 "integrators": [
                     {
                         "name": m.name,
@@ -503,7 +527,8 @@ def list_(as_json: Json = False) -> None:
         console = Console(highlight=False)
         table = Table("scenario", "what it shows", box=None, header_style="bold")
         for each in bundled():
-            table.add_row(each.name, each.summary)
+            options = f"; options: {', '.join(each.options)}" if each.options else ""
+            table.add_row(each.name, each.summary + options)
         console.print(table)
         console.print()
         table = Table("integrator", "order", "declares", "what it is", box=None, header_style="bold")
@@ -512,7 +537,7 @@ def list_(as_json: Json = False) -> None:
         console.print(table)
 
 
-def _plan(what: str) -> tuple[str, Any]:
+def _plan(what: str, own: list[str] | None) -> tuple[str, Any]:
     """Return the name and the plan of a campaign: that of a file, or of the members of a scenario."""
     from orbits.ensemble import Plan
     from orbits.ensemble import command as campaigns
@@ -526,6 +551,8 @@ def _plan(what: str) -> tuple[str, Any]:
         module = executed(path)
         plan = getattr(module, "plan", None)
         if isinstance(plan, Plan):
+            if own:
+                raise InputError(f"{path} defines a plan, which has no options: --set is for those of a scenario.")
             campaigns.send_by_value(module)
             return path.stem, plan
         if not hasattr(module, "scenario"):
@@ -533,12 +560,12 @@ def _plan(what: str) -> tuple[str, Any]:
                 f"{path} defines neither `plan` nor `scenario`, plan being {shown(plan)}; expected a line such as: "
                 "plan = orbits.ensemble.Plan(orbits.ensemble.particles(...), duration=..., dt=...)"
             )
-    scenario = load(what)
+    scenario = command.with_own(load(what), own)
     if not isinstance(scenario, Scenario):
         raise InputError(f"{scenario.name!r} is a study, which has no members; use: orbits run {what}")
     with located():
-        cases = scenario.cases()
-    options = {"dt": scenario.dt, "duration": scenario.duration, "samples": scenario.samples}
+        cases, step = scenario.cases(), scenario.step()
+    options = {"dt": step, "duration": scenario.duration, "samples": scenario.samples}
     return scenario.name, campaigns.plan_of(cases, scenario.integrators[0], options)
 
 
@@ -563,11 +590,11 @@ def _compare(
     console, ok = command.stdout(), True
     records: dict[str, dict[str, Any]] = {}
     with located():
-        cases = scenario.cases()
+        cases, step = scenario.cases(), scenario.step()
     for case, system in cases.items():
-        title, suffix = (f"{scenario.title}: {case}", f"-{slug(case)}") if case else (scenario.title, "")
+        title, suffix = (f"{scenario.headline()}: {case}", f"-{slug(case)}") if case else (scenario.headline(), "")
         if kernels:
-            for found in _residuals(scenario, system, kernels, title):
+            for found in _residuals(scenario, step, system, kernels, title):
                 stem = f"residuals-{found.stem}{suffix}"
                 records.setdefault(case, {})[stem] = found.record()
                 if not as_json:
@@ -580,7 +607,7 @@ def _compare(
         report = compare_methods(
             system,
             list(scenario.integrators),
-            dt=scenario.dt,
+            dt=step,
             duration=scenario.duration,
             samples=scenario.samples,
             against=peers,
@@ -596,11 +623,12 @@ def _compare(
             report.plot(replaceable(folder / f"{stem}.png"))
         write_text(folder / f"{stem}.json", report.to_json() + "\n")
     if as_json:
-        print(json_text({"scenario": scenario.name, "ok": ok, "cases": records}))
+        options = {"options": scenario.chosen} if scenario.options else {}
+        print(json_text({"scenario": scenario.name, **options, "ok": ok, "cases": records}))
     return 0 if ok else 1
 
 
-def _residuals(scenario: Any, system: Any, kernels: list[str], title: str) -> Iterator[Any]:
+def _residuals(scenario: Any, step: Any, system: Any, kernels: list[str], title: str) -> Iterator[Any]:
     """Yield how far the runs of a scenario's methods on one system are from ephemerides."""
     from astropy import units as u
 
@@ -608,7 +636,7 @@ def _residuals(scenario: Any, system: Any, kernels: list[str], title: str) -> It
     from orbits.regression.of_ephemeris import check_covered, residuals
     from orbits.time_grid import TimeGrid
 
-    grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
+    grid = TimeGrid.of(system, step, duration=scenario.duration, samples=scenario.samples)
     days = grid.times * system.units.time.to(u.day) if system.units.is_physical else grid.times
     for kernel in kernels:
         check_covered(system, kernel, days)  # before the long runs

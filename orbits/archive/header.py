@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.archive.origin import Origin
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.marching.adaptive import Adaptive
@@ -52,6 +53,7 @@ class Header:
     certificate : the certificate of the integrator on this system, measured before the run, as JSON; "" without one
     events : what was sought in the run, as JSON; "" without events
     steps : for how many states at the beginnings of steps there is room, for dense output; 0 for none
+    origin : the scenario with options that the run was made by; None for any other run
 
     Raises ArchiveError for values that no run has.
     """
@@ -63,6 +65,7 @@ class Header:
     certificate: str = ""
     events: str = ""
     steps: int = 0
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         _check_integrator(self.integrator)
@@ -127,6 +130,8 @@ def to_items(header: Header) -> dict[str, Item]:
         items["@certificate"] = header.certificate
     if header.events:
         items["@events"] = header.events
+    if header.origin is not None:
+        items["@scenario"] = header.origin.to_json()
     if header.steps:
         items["steps@room"] = float(header.steps)
     for name, text in header.provenance.items():
@@ -180,6 +185,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
         _item(items, "@certificate", str) if "@certificate" in items else "",
         _item(items, "@events", str) if "@events" in items else "",
         _room(items) if "steps@room" in items else 0,
+        Origin.from_json(_item(items, "@scenario", str)) if "@scenario" in items else None,
     )
 
 

@@ -19,6 +19,7 @@ from orbits.archive.commits import CHUNK, ROW, ROW_BYTES, SLOTS, Commit, decoded
 from orbits.archive.creation import busy
 from orbits.archive.ended import Ended, ended_in
 from orbits.archive.header import Header
+from orbits.archive.origin import Origin
 from orbits.archive.pace import Pace, pace_in
 from orbits.archive.samples import Samples
 from orbits.archive.schema import Layout
@@ -188,6 +189,11 @@ class Archive:
     def events_text(self) -> str:
         """What was sought in the run, as JSON; "" without events."""
         return self._header.events
+
+    @property
+    def origin(self) -> Origin | None:
+        """The scenario that the run was made by, with its options; None for one without options, and other runs."""
+        return self._header.origin
 
     @property
     def complete(self) -> bool:

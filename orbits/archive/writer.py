@@ -23,6 +23,7 @@ from orbits.archive import schema
 from orbits.archive.commits import CHUNK, ROW, Commit
 from orbits.archive.creation import built, check_target, discarded_on_failure, partial_path, take_name
 from orbits.archive.header import Header
+from orbits.archive.origin import Origin
 from orbits.archive.reader import Archive
 from orbits.archive.schema import Layout
 from orbits.archive.steps import KEPT, ArchivedSteps, Kept, Piece, write_steps
@@ -66,6 +67,7 @@ class ArchiveWriter:
         certificate: str = "",
         events: str = "",
         steps: int = 0,
+        origin: Origin | None = None,
         overwrite: bool = False,
     ) -> Self:
         """Create the file, with all of its space reserved and the start of the run committed.
@@ -78,12 +80,13 @@ class ArchiveWriter:
         certificate : the certificate measured before the run, as JSON
         events : what is sought in the run, as JSON
         steps : room for so many states at the beginnings of steps, for dense output; it grows as needed
+        origin : the scenario with options that the run is made by
         overwrite : whether a file at `path` may be replaced; it is kept until the new one is complete
 
         Raises ArchiveError for a path that exists, that cannot be written, or that another run is writing;
         StorageError, with the required and the free space, if the device has not enough.
         """
-        header = Header(system, dict(integrator), grid, dict(provenance), certificate, events, steps)
+        header = Header(system, dict(integrator), grid, dict(provenance), certificate, events, steps, origin)
         place = schema.resolved(path)
         check_target(place, overwrite)
         nothing = np.empty((0, len(system), 3))

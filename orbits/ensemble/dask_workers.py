@@ -222,7 +222,7 @@ def _client(distributed: Any, given: Any) -> tuple[Any, bool]:
             f"client is {shown(given)}; expected a distributed.Client, or the address of a scheduler: 'tcp://host:8786'."
         )
     try:
-        return distributed.Client(given, timeout=PATIENCE, set_as_default=False), True
+        return _connected(distributed, given), True
     except (OSError, TimeoutError, distributed.TimeoutError) as error:
         raise InputError(
             f"no Dask scheduler answers at {given} (asked for {PATIENCE:g} s). Start one with 'dask scheduler', and "
@@ -230,6 +230,22 @@ def _client(distributed: Any, given: Any) -> tuple[Any, bool]:
         ) from error
     except (ValueError, TypeError) as error:
         raise InputError(f"client = {given!r} is no address ({error}); expected 'tcp://host:8786'.") from error
+
+
+def _connected(distributed: Any, address: str) -> Any:
+    """Return a client of the scheduler at an address; one that does not connect is closed here.
+
+    Left to the garbage collector, it would be closed in whatever that interrupts: in the start of another client, it
+    would wait forever for a lock that is held there.
+    """
+    made: Any = object.__new__(distributed.Client)
+    try:
+        made.__init__(address, timeout=PATIENCE, set_as_default=False)
+    except BaseException:
+        with suppress(Exception):
+            made.close(timeout=2)
+        raise
+    return made
 
 
 def _work(task: Task) -> Outcome:

@@ -14,7 +14,20 @@ from numba.extending import overload
 
 from orbits.kernels.binding import OPTIONS
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, full, get, load, put, rsqrt_cubed, select, sqrt, store_some, total, unit
+from orbits.kernels.lanes import (
+    WIDTH,
+    full,
+    get,
+    load,
+    load_some,
+    put,
+    rsqrt_cubed,
+    select,
+    sqrt,
+    store_some,
+    total,
+    unit,
+)
 
 TILE = 128
 """Number of partners that are summed separately before their sum is added to a body's."""
@@ -246,7 +259,8 @@ def dynamical_rate(strength, q, v):
             x, y, z = load(q, first) - q[i], load(q, n + first) - q[n + i], load(q, 2 * n + first) - q[2 * n + i]
             u, w, s = load(v, first) - v[i], load(v, n + first) - v[n + i], load(v, 2 * n + first) - v[2 * n + i]
             r2 = select(valid > 0.0, x * x + y * y + z * z + strength[0], full(1.0))
-            own = select(valid > 0.0, (load(strength, 1 + first) + strength[1 + i]) * rsqrt_cubed(r2), full(0.0))
+            gm = load_some(strength, 1 + first, n - first) + strength[1 + i]
+            own = select(valid > 0.0, gm * rsqrt_cubed(r2), full(0.0))
             turning = select(valid > 0.0, (x * u + y * w + z * s) / r2, full(0.0))
             rate, change = rate + own, change - 3.0 * own * turning
     return total(rate), total(change)

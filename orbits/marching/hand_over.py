@@ -73,6 +73,11 @@ BEGUN, PART, MORE_ROWS = 0, 3, 2
 `orbits.marching.own_clocks.BEFORE`); if it was lost, the part of a step that it took; in the other three rows L. These
 are two rows more than a particle has that is marched by the map alone."""
 
+UNKNOWN, PLACED, STEPPED = 0, 1, 2
+"""What is known of the bodies in a step: nothing; their state at its beginning; or all of the step. The state is the
+same to the last bit, whichever particle needs it, and for what: so what is logged depends on no other particle.
+"""
+
 
 def parts_taken(memory: Array) -> Array:
     """Return the parts of a step that lost particles have taken by steps of their own, from the memory of all."""
@@ -112,7 +117,7 @@ class Away(NamedTuple):
     method, field, shared, log : see `orbits.marching.own_clocks.follow`, as `clock`, whose numbers alone are read
     model : with the bodies in the order of the map, `log.order`, as in `field`: so no sum over them depends on another
     whole : the coefficients of a step of the bodies; scratch : of one of these, and of a particle's own
-    carry, times : (3, 8) and (4,), of its own steps; reached : (steps,) bool, the steps of the bodies in `field`
+    carry, times : (3, 8) and (4,), of its own steps; reached : (steps,), see `UNKNOWN`
     bodies : (4, padded), a state of the bodies in this order
     """
 
@@ -154,14 +159,6 @@ def _in_order(order, source, first, out, begin):
 
 
 @kernel
-def _trace(here, away, k):
-    """Write the state of the bodies at the beginning of step k, as observers see it, into the path of the field."""
-    stride = here.rules.stride
-    for first in range(2 * k * stride, 2 * (k + 1) * stride, stride):
-        _in_order(away.log.order, here.rules.path, first, away.field.path, first)
-
-
-@kernel
 def _state_of_bodies(here, away, k):
     """Return the state of the bodies at the beginning of step k, uncorrected, in doubled precision, and write it into
     the path of the field.
@@ -187,7 +184,7 @@ def _learn_step(here, away, k):
         store(carry, row, full(0.0))
     storage = Storage(carry, away.scratch, away.field.stages[k], Share(0, state.q.shape[0], None))
     status, _, _ = step(Method(away.method.tag, away.whole), away.model, t, h, state, storage)
-    away.reached[k] = True
+    away.reached[k] = STEPPED
     return status
 
 
@@ -255,8 +252,9 @@ def _enter_map(here, away, k, particle):
 def _log_map(here, away, track, p, slot, start, stop):
     """Log the states of a particle at the beginnings of steps start ... stop - 1, by the map."""
     for k in range(start, stop):
-        if not away.reached[k]:
-            _trace(here, away, k)
+        if away.reached[k] == UNKNOWN:
+            _state_of_bodies(here, away, k)
+            away.reached[k] = PLACED
         row, zero = 6 * k, 0.0
         log_state(
             away.method, away.model, away.field, away.log, p, k, 0.0,
@@ -295,7 +293,7 @@ def _go_through(here, away, columns, track, p, steps, is_away):
                 away.times[BEFORE], away.times[NEXT] = 0.0, 0.0
             continue
         record_particle(track, k, slot, particle)
-        if not away.reached[k]:
+        if away.reached[k] != STEPPED:
             status = _learn_step(here, away, k)
         if status == OK:
             scratch = Storage(away.carry, away.scratch, away.field.stages[k], Share(p, p + 1, None))
@@ -349,7 +347,7 @@ def _look(here, away, columns, track, p, steps, status):
     """Let observers see the particle at all its steps, alone, and hide it from those of the others."""
     if away.log.context != 0:
         if status == OK:
-            _trace(here, away, steps)
+            _state_of_bodies(here, away, steps)
             log_state(away.method, away.model, away.field, away.log, p, steps, 0.0, load_particle(columns, p))
         look(away.method, away.model, away.field, away.log, p)
         hide(away.log, p, steps, track)
@@ -386,7 +384,7 @@ def march_handing_over(
         Columns(own_columns[0], own_columns[1], own_columns[2], own_columns[3]), own_retired, rows, bodies, planets,
     )  # fmt: skip
     for k in range(steps):
-        known[k], before[k], reached[k] = False, 0.0, False
+        known[k], before[k], reached[k] = False, 0.0, UNKNOWN
         times[k], times[reached.shape[0] + 1 + k] = k * h, h
         times[2 * (reached.shape[0] + 1) + k] = step_of(clock, k)[0]
     times[steps], times[2 * (reached.shape[0] + 1) + steps] = steps * h, step_of(clock, steps)[0]

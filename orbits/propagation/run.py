@@ -49,6 +49,7 @@ from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
+    from orbits.archive.origin import Origin
     from orbits.certificate import Certificate
 
 Path = str | PathLike[str]
@@ -273,8 +274,12 @@ def begun(
     threads: int | None = None,
     heartbeat: Heartbeat | None = None,
     wall_time: Deadline | None = None,
+    origin: Origin | None = None,
 ) -> Run:
-    """Return a run on an existing grid of steps and samples, ready to be marched; otherwise as `propagate`."""
+    """Return a run on an existing grid of steps and samples, ready to be marched; otherwise as `propagate`.
+
+    origin : the scenario with options that makes the run, for its archive
+    """
     conditions = Conditions(system, stop)
     check_callback(callback)
     progress = checked_choice(progress, "progress")
@@ -348,6 +353,7 @@ def begun(
             certificate=measured.to_json() if measured else "",
             events=seeking.described(),
             steps=room_for_steps(system, integrator, grid) if dense else 0,
+            origin=origin,
             overwrite=replace,
         )
 

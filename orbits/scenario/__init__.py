@@ -1,6 +1,7 @@
 """Scenarios: a system, one or more runs, checks and pictures, in one file each that can be run in three ways.
 
 definition    the values: `Scenario`, `Check`, and the result of a run, `Outcome`
+options       what a scenario lets its user choose: `Option`
 study         the same for other numerical experiments: `Study`, `StudyResult`, `Table`
 loading       find a scenario by path, or by the name of a bundled one
 performing    integrate, compare, check, draw, and write the results folder
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, angular_momentum_checks
 from orbits.scenario.loading import Listed, bundled, load
+from orbits.scenario.options import Option
 from orbits.scenario.parts import Parts
 from orbits.scenario.performing import perform
 from orbits.scenario.study import Study, StudyOutcome, StudyResult, Table
@@ -22,6 +24,7 @@ __all__ = [
     "CaseOutcome",
     "Check",
     "Listed",
+    "Option",
     "Outcome",
     "Parts",
     "Scenario",

@@ -85,10 +85,12 @@ def certify_scenario(
 
 def to_record(outcome: CertifyOutcome) -> dict[str, Any]:
     """Return the certificates as values for JSON."""
+    options = outcome.scenario.chosen if isinstance(outcome.scenario, Scenario) else {}
     return {
         "format": "orbits-certificates",
         "version": 2,  # in version 1 the key "control" was "foil"
         "scenario": outcome.scenario.name,
+        **({"options": dict(options)} if options else {}),
         "ok": outcome.ok,
         "certificates": [
             {"case": each.case, "control": each.control, "certificate": each.certificate.to_record()}
@@ -100,9 +102,9 @@ def to_record(outcome: CertifyOutcome) -> dict[str, Any]:
 def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str, Any, Any, Any, dict[str, Any]]]:
     if isinstance(scenario, Scenario):
         with located():
-            cases = scenario.cases()
+            cases, own = scenario.cases(), scenario.step()
         for case, system in cases.items():
-            step = scenario.dt
+            step = own
             if isinstance(step, str):  # a text such as "P/100", which this system gives a meaning
                 step = TimeGrid.of(system, step, duration=scenario.duration, samples=2).dt
             for method in scenario.integrators if integrator is None else (integrator,):

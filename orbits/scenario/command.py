@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +15,7 @@ import typer
 
 from orbits.errors import InputError, Interrupted, OrbitsError, OutOfTime
 from orbits.scenario.definition import MIND, Outcome, Scenario
+from orbits.scenario.options import option_text, read_options
 from orbits.scenario.study import Study, StudyOutcome, Table, cell
 from orbits.scenario.typed import number_or_text, quantity, step_or_clock
 
@@ -48,6 +49,19 @@ Method = Annotated[
     ),
 ]
 Samples = Annotated[int | None, typer.Option(help="Number of samples, both ends included.", metavar="NUMBER")]
+Own = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        help="An option of the scenario's own, again for more: --set count=500; `orbits run SCENARIO --list-options` "
+        "lists them.",
+        metavar="NAME=VALUE",
+    ),
+]
+ListOptions = Annotated[
+    bool,
+    typer.Option("--list-options", help="List the scenario's own options, for --set, and run nothing.", metavar=""),
+]
 Out = Annotated[Path | None, typer.Option(help="Folder for the results; results/NAME by default.", metavar="FOLDER")]
 Json = Annotated[bool, typer.Option("--json", help="Print the outcome as JSON on standard output.", metavar="")]
 NoPlot = Annotated[bool, typer.Option("--no-plot", help="Draw nothing.", metavar="")]
@@ -140,12 +154,29 @@ def paced(wall_time: str | None, heartbeat: str | None) -> Pacing:
     return Pacing(Heartbeat(seconds_of(number_or_text(heartbeat), "--heartbeat")), deadline)
 
 
+def with_own(scenario: Scenario | Study, typed: Sequence[str] | None) -> Scenario | Study:
+    """Return the scenario with the values of its own options, as typed after --set. Raises InputError for a study, and
+    for what cannot be read.
+    """
+    if not typed:
+        return scenario
+    if isinstance(scenario, Study):
+        raise InputError(f"{scenario.name!r} is a study, which has no options of its own: it takes no --set.")
+    return scenario.with_options(**read_options(scenario.options, typed, scenario.name))
+
+
 def changed(
-    scenario: Scenario | Study, dt: str | None, duration: str | None, integrator: str | None, samples: int | None
+    scenario: Scenario | Study,
+    dt: str | None,
+    duration: str | None,
+    integrator: str | None,
+    samples: int | None,
+    own: Sequence[str] | None = None,
 ) -> Scenario | Study:
     """Return the scenario with the options of the command line. Raises InputError for those that a study refuses: all
     of them, but for --dt if it has one.
     """
+    scenario = with_own(scenario, own)
     if isinstance(scenario, Study):
         typed = {"--dt": dt, "--duration": duration, "--integrator": integrator, "--samples": samples}
         takes = ["--dt"] if scenario.dt is not None else []
@@ -188,7 +219,7 @@ def execute(
     from orbits.scenario.performing import perform, to_json
 
     console = stderr()
-    console.print(f"[bold]{_escaped(scenario.title)}[/]")
+    console.print(f"[bold]{_escaped(scenario.title if isinstance(scenario, Study) else scenario.headline())}[/]")
     outcome: Outcome | StudyOutcome
     if isinstance(scenario, Study):
         _refuse_pacing(scenario, wall_time, heartbeat)
@@ -226,7 +257,7 @@ def certify(
     from orbits.scenario.certificates import certify_scenario, to_record
 
     console = stderr()
-    console.print(f"[bold]{_escaped(scenario.title)}[/]")
+    console.print(f"[bold]{_escaped(scenario.title if isinstance(scenario, Study) else scenario.headline())}[/]")
     outcome = certify_scenario(
         scenario,
         dt=None if dt is None else step_or_clock(dt, "--dt"),
@@ -290,6 +321,19 @@ def show(outcome: Outcome | StudyOutcome) -> None:
         console.print(f"[bold red]FAILED:[/] {_escaped(failure)}")
 
 
+def show_options(scenario: Scenario | Study, *, as_json: bool = False) -> None:
+    """Print the options of a scenario's own on standard output."""
+    options = () if isinstance(scenario, Study) else scenario.options
+    if as_json:
+        print(json.dumps([option.record() for option in options], indent=1))
+        return
+    if not options:
+        print(f"{scenario.name} has no options of its own.")
+        return
+    rows = [[f"{each.name}={each.typed}", option_text(each.default), each.help] for each in options]
+    stdout().print(_table(Table(f"Options of {scenario.name}, for --set", ["option", "default", "what it is"], rows)))
+
+
 def _table(table: Table) -> Any:
     from rich.table import Table as RichTable
 
@@ -312,15 +356,21 @@ def main(scenario: Scenario | Study) -> None:
         duration: Duration = None,
         integrator: Method = None,
         samples: Samples = None,
+        own: Own = None,
         out: Out = None,
         as_json: Json = False,
         no_plot: NoPlot = False,
         wall_time: WallTime = None,
         heartbeat: Beat = None,
+        list_options: ListOptions = False,
     ) -> None:
         with guarded():
+            chosen = changed(scenario, dt, duration, integrator, samples, own)
+            if list_options:
+                show_options(chosen, as_json=as_json)
+                return
             code = execute(
-                changed(scenario, dt, duration, integrator, samples),
+                chosen,
                 out=out,
                 as_json=as_json,
                 no_plot=no_plot,

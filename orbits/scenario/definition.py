@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,10 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, shown
+from orbits.scenario.options import Option, all_values, checked_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from orbits.archive.origin import Origin
     from orbits.regression.report import Report
     from orbits.system import System
     from orbits.trajectory import Trajectory
@@ -39,6 +42,26 @@ class Check:
         return f"{self.claim}: {self.measured}" if self.measured else self.claim
 
 
+def _is_function(value: Any) -> bool:
+    """Whether a value is a function, rather than a class or a value."""
+    return callable(value) and not isinstance(value, type)
+
+
+def _check_takes_options(function: Any, scenario: str, what: str) -> None:
+    """Raise InputError for a function that cannot be called with the values of the options."""
+    if not _is_function(function):
+        return
+    try:
+        inspect.signature(function).bind({})
+    except TypeError as error:
+        raise InputError(
+            f"scenario {scenario!r}: {what} is a function that cannot be called with the values of the options "
+            f"({error}); expected one argument: def {what}(options), which has options['NAME']."
+        ) from None
+    except ValueError:  # a function without a signature
+        return
+
+
 def _default_integrators() -> tuple[Any, ...]:
     from orbits.integrators.gauss import Gauss  # imports Numba, which the start of the command line avoids
 
@@ -61,12 +84,13 @@ class Scenario:
 
     name : of the results folder and of the files in it; letters, digits, `_`, `-`, `.`
     title : one line for lists and pictures
-    system : a `System`, or a function without arguments that makes one. For several related problems, a mapping from
-        short names to Systems (or a function that makes such a mapping): each is a *case*, run and judged in the same
-        way
+    system : a `System`, or a function that makes one, without arguments; in a scenario with options it has one, their
+        values by name. For several related problems, a mapping from short names to Systems (or a function that makes
+        such a mapping): each is a *case*, run and judged in the same way
     integrators : methods of this package, by default Gauss with 8 stages; the run of the first one is archived
     dt, duration : as in `orbits.propagate`; the sign of `duration` gives the direction. Without dt, or with
-        `orbits.Adaptive(...)`, steps are chosen one by one
+        `orbits.Adaptive(...)`, steps are chosen one by one. In a scenario with options dt may also be a function of
+        their values
     samples : number of samples, both ends included
     against : peers to compare with, such as "whfast" and "ias15"; empty for no comparison. Only "ias15" takes part in
         a comparison without dt
@@ -74,6 +98,9 @@ class Scenario:
     checks : a function from the `Outcome` to the `Check`s that it must pass
     draw : a function from the `Outcome` to a matplotlib Figure, or to several by name; by default the orbits,
         conserved quantities, and the comparison
+    options : its own `Option`s, which `--set NAME=VALUE` and `with_options` change
+    chosen : their values by name; those that are left out have their defaults. `system` and `dt` get all of them as
+        their argument, `checks` and `draw` find them in `outcome.options`
 
     Raises InputError for errors that can be detected here; systems are made, and times are read, when it runs.
 
@@ -98,7 +125,7 @@ class Scenario:
 
     name: str
     title: str
-    system: System | Mapping[str, System] | Callable[[], System | Mapping[str, System]]
+    system: System | Mapping[str, System] | Callable[..., System | Mapping[str, System]]
     integrators: Sequence[Any] = field(default_factory=_default_integrators)
     dt: Any = None
     duration: Any
@@ -107,6 +134,8 @@ class Scenario:
     tolerances: Mapping[str, Any] = field(default_factory=dict)
     checks: Callable[[Outcome], Iterable[Check]] | None = None
     draw: Callable[[Outcome], Figure | Mapping[str, Figure]] | None = None
+    options: Sequence[Option] = ()
+    chosen: Mapping[str, Any] = field(default_factory=dict)
 
     if TYPE_CHECKING:  # set by the package: it lives with the command line
         main: ClassVar[Callable[[], None]]
@@ -140,6 +169,11 @@ class Scenario:
         for what in ("checks", "draw"):
             if getattr(self, what) is not None and not callable(getattr(self, what)):
                 raise InputError(f"scenario {self.name!r}: {what} must be a function of the outcome.")
+        options = checked_options(self.options, self.name)
+        for what in ("system", "dt") if options else ():
+            _check_takes_options(getattr(self, what), self.name, what)
+        object.__setattr__(self, "options", options)
+        object.__setattr__(self, "chosen", all_values(options, self.chosen, self.name))
         object.__setattr__(self, "integrators", integrators)
         object.__setattr__(self, "against", tuple(self.against))
 
@@ -150,7 +184,7 @@ class Scenario:
         """
         from orbits.system import System
 
-        made = self.system() if callable(self.system) else self.system
+        made = self.system(*self._given()) if callable(self.system) else self.system
         cases = {ONLY: made} if isinstance(made, System) else made
         if not isinstance(cases, Mapping) or not cases:
             raise InputError(
@@ -170,6 +204,37 @@ class Scenario:
     def with_changes(self, **changes: Any) -> Scenario:
         """Return the scenario with some fields replaced; None leaves a field unchanged."""
         return replace(self, **{key: value for key, value in changes.items() if value is not None})
+
+    def with_options(self, /, **values: Any) -> Scenario:
+        """Return the scenario with other values of its own options.
+
+        Raises UnknownNameError for a name that is not that of an option, with the nearest, and InputError for a value
+        that an option cannot have.
+        """
+        return replace(self, chosen={**self.chosen, **values})
+
+    def step(self) -> Any:
+        """Return dt, that of the chosen values if it depends on the options."""
+        return self.dt(*self._given()) if self.options and _is_function(self.dt) else self.dt
+
+    def origin(self) -> Origin | None:
+        """Return what archives say of the scenario: its name and the values of its options; None without options."""
+        from orbits.archive.origin import Origin  # imports h5py, which the start of the command line avoids
+
+        return Origin(self.name, dict(self.chosen)) if self.options else None
+
+    def headline(self) -> str:
+        """Return the title, with the values of options that are not the defaults."""
+        changed = {each.name: self.chosen[each.name] for each in self.options if self.chosen[each.name] != each.default}
+        if not changed:
+            return self.title
+        from orbits.archive.origin import options_text  # as above
+
+        return f"{self.title} ({options_text(changed)})"
+
+    def _given(self) -> tuple[dict[str, Any], ...]:
+        """What functions of the options are called with."""
+        return (dict(self.chosen),) if self.options else ()
 
     def demands(self) -> dict[str, Any]:
         """The tolerances, except those for methods of this package that the scenario does not run.
@@ -217,6 +282,11 @@ class Outcome:
     checks: tuple[Check, ...] = ()
     files: tuple[Path, ...] = ()
     complaints: tuple[str, ...] = ()
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The values of the scenario's options, by name."""
+        return dict(self.scenario.chosen)
 
     @property
     def case(self) -> CaseOutcome:

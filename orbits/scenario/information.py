@@ -6,6 +6,7 @@ import json
 import math
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,11 +27,13 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
     """Return what is in an archive, for JSON."""
     drift = run.drift() if len(run) else None
     ended = None if run.archive is None else run.archive.ended
+    origin = None if run.archive is None else run.archive.origin
     found = {
         "file": str(file),
         "bodies": len(run.names),
         "massive": int(run.system.massive.sum()),
         "names": list(run.names),
+        "scenario": None if origin is None else asdict(origin),
         "epoch": None if run.system.epoch is None else date_text(run.system.epoch, between="T"),
         "time_unit": str(run.system.units.time),
         "integrator": run.integrator.label,
@@ -65,7 +68,9 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
 def text(file: Path, run: Trajectory) -> str:
     """Return what is in an archive, in paragraphs: the run and how it ended, its bodies, events and drift."""
     running = _running(run)
-    first = [str(run), *_endings(run), *([_under_way(run, running)] if running else [])]
+    origin = None if run.archive is None else run.archive.origin
+    told = [] if origin is None else [f"scenario: {origin}"]
+    first = [str(run), *told, *_endings(run), *([_under_way(run, running)] if running else [])]
     if run.kept is not None:
         first.append(f"dense output from {len(run.kept):,} states: run.at(times) answers at once")
     parts = ["\n".join(first), str(run.system)]

@@ -18,20 +18,24 @@ from orbits.errors import InputError, OrbitsError, UnknownNameError, shown
 from orbits.scenario.definition import Scenario
 from orbits.scenario.study import Study
 
+_OPTION = ("orbits.Option", "Option")
+"""How the files of bundled scenarios call `Option`, whose first argument is the name."""
+
 
 @dataclass(frozen=True)
 class Listed:
-    """A bundled scenario for lists: its name, the first line of its file, and the file."""
+    """A bundled scenario for lists: its name, the first line of its file, the file, and the names of its options."""
 
     name: str
     summary: str
     path: Path
+    options: tuple[str, ...] = ()
 
 
 def bundled() -> tuple[Listed, ...]:
     """Return the bundled scenarios in alphabetical order, read from their files without running them."""
     return tuple(
-        Listed(path.stem, _summary(path), path)
+        _listed(path)
         for path in sorted(resources.scenarios_dir().glob("*.py"))
         if not path.stem.startswith("_")
     )
@@ -131,12 +135,15 @@ def _bundled_path(name: str) -> Path:
     raise UnknownNameError(f"no scenario is called {shown(name)}; there are {', '.join(known)}.{hint}")
 
 
-def _summary(path: Path) -> str:
+def _listed(path: Path) -> Listed:
     try:
-        text = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+        tree = ast.parse(path.read_text(encoding="utf-8"))
     except (OSError, SyntaxError, ValueError):
-        return ""
-    return text.split("\n", 1)[0].rstrip(".")
+        return Listed(path.stem, "", path)
+    summary = (ast.get_docstring(tree) or "").split("\n", 1)[0].rstrip(".")
+    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) in _OPTION]
+    names = [node.args[0].value for node in calls if node.args and isinstance(node.args[0], ast.Constant)]
+    return Listed(path.stem, summary, path, tuple(map(str, names)))
 
 
 @contextmanager

@@ -87,19 +87,21 @@ def perform(
     from orbits.time_grid import TimeGrid
 
     with located():
-        systems = scenario.cases()
+        systems, step = scenario.cases(), scenario.step()
     cases: dict[str, CaseOutcome] = {}
     files: list[Path] = []
     complaints: list[str] = []
+    archives = {name: folder / f"run{'-' + slug(name) if name else ''}.h5" for name in systems}
     replaceable(folder / "report.json")  # before the long runs, not after them
+    for archive in archives.values():
+        _refuse_other_options(scenario, archive)
     for name, system in systems.items():
-        stem = f"-{slug(name)}" if name else ""
-        grid = TimeGrid.of(system, scenario.dt, duration=scenario.duration, samples=scenario.samples)
+        grid = TimeGrid.of(system, step, duration=scenario.duration, samples=scenario.samples)
         for method in scenario.integrators:  # before the runs
             grid.clock.check(method)
         pace = progress, heartbeat, wall_time
-        runs = _runs(scenario, name, system, grid, folder / f"run{stem}.h5", pace, say, complaints)
-        files.append(folder / f"run{stem}.h5")
+        runs = _runs(scenario, name, system, grid, archives[name], pace, say, complaints)
+        files.append(archives[name])
         cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, grid, runs, progress, say))
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
@@ -151,7 +153,8 @@ def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
         }
         for name, case in outcome.cases.items()
     }
-    return {**record, "cases": cases}
+    options = {"options": outcome.options} if outcome.options else {}
+    return {**record, **options, "cases": cases}
 
 
 def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOutcome:
@@ -238,6 +241,7 @@ def _runs(
                         grid,
                         archive=replaceable(archive) if first else None,
                         overwrite=True,
+                        origin=scenario.origin() if first else None,
                         **pacing,
                     )
         except IntegrationError as error:
@@ -289,6 +293,27 @@ def _interrupted(scenario: Scenario, system: System, grid: TimeGrid, path: Path)
         return False
 
 
+def _refuse_other_options(scenario: Scenario, path: Path) -> None:
+    """Raise InputError if `path` has an unfinished run of the same scenario with other options, which would be lost."""
+    from orbits.archive import Archive
+    from orbits.archive.ended import FAILED
+    from orbits.archive.origin import options_text
+
+    try:
+        with Archive.open(path) as old:
+            origin, unfinished = old.origin, not old.complete and old.ended.how != FAILED
+    except ArchiveError:
+        return
+    mine = scenario.origin()
+    if not unfinished or origin is None or mine is None or origin.scenario != mine.scenario or origin == mine:
+        return
+    raise InputError(
+        f"{path} has an unfinished run with other options: {options_text(origin.options)}, instead of "
+        f"{options_text(mine.options)}. Complete it with: orbits resume {path}; or give another folder with --out, or "
+        "remove the file."
+    )
+
+
 def _report(
     scenario: Scenario,
     name: str,
@@ -310,7 +335,7 @@ def _report(
         grid,
         against=scenario.against,
         tolerances=scenario.demands() or None,
-        title=f"{scenario.title}: {name}" if name else scenario.title,
+        title=f"{scenario.headline()}: {name}" if name else scenario.headline(),
         runs=[run for run in runs.values() if run.complete],
         progress=progress,
     )
@@ -326,7 +351,7 @@ def _draw(outcome: Outcome) -> list[Path]:
         figures.update(drawn if isinstance(drawn, Mapping) else {outcome.scenario.name: drawn})
     else:
         for name, case in outcome.cases.items():
-            figures[slug(name) or "run"] = plot_trajectory(case.run, title=outcome.scenario.title)
+            figures[slug(name) or "run"] = plot_trajectory(case.run, title=outcome.scenario.headline())
     paths = _saved(figures, outcome.folder)
     for name, case in outcome.cases.items():
         if case.report is not None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import orbits
 from orbits import DIMENSIONLESS, SOLAR, System, UnitSystem
 from orbits.archive import Archive
+from orbits.archive.origin import Origin
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError
 
@@ -128,6 +129,12 @@ def test_times_and_integrator_and_provenance_come_back(tmp_path):
         assert archive.integrator == integrator
         assert dict(archive.provenance) == provenance
         assert (archive.committed, archive.complete, archive.q.shape) == (0, False, (0, 3, 3))
+
+
+def test_a_scenario_with_options_comes_back_and_other_runs_have_none(tmp_path):
+    origin = Origin("belt", {"planets": "all", "count": 10_000, "share": 0.1, "loud": True})
+    assert reopened(tmp_path / "run.h5", runs.system(), origin=origin).origin == origin
+    assert reopened(tmp_path / "plain.h5", runs.system()).origin is None
 
 
 def test_a_unit_that_only_this_session_knows_is_refused(tmp_path):

@@ -27,6 +27,7 @@ WORDS = [
     "adaptive", "adaptive(tolerance=1e-3)", "adaptive(", "adaptive:1e-3", "transformed:0.3", "transformed:",
     *COMMANDS, "tiny.py", "run.h5", "no.h5", "no.py", "nowhere", "../x.py", "/etc/passwd", "/dev/null", ".", "", "-",
     "--", "--dt", "--duration", "--integrator", "--samples", "--out", "--json", "--no-plot", "--until", "--any-bits",
+    "--set", "--list-options", "share=0.5", "share=x", "=",
     "--against", "--help", "--version", "6 d", "0.1", "1e400", "nan", "-1", "0", "3", "10 kg", "6 d d", "gauss",
     "gauss(stages=4)", "Gauss(", "Composition(StormerVerlet(), order=4)", "__import__('os').system('true')",
     "Composition(" * 50, "(" * 300, "9" * 400, "1" * 5000, "whfast", "leapfrog,ias15", "a.png", "out",
@@ -39,6 +40,7 @@ EXPRESSIONS = [
     "lambda: pair", "lambda: 1/0", "lambda: {'../x': pair}", "lambda: {1: pair}", "lambda o: 1/0", "lambda o: [3]",
     "lambda o: (yield)", "lambda o: {'../a': 3}", "__import__('sys').exit(3)", "exec('raise BaseException(1)')",
     "(lambda f: f(f))(lambda f: f(f))", "{'energy': 'x'}", "{'energy': -1}", "{'nope': 1}", "['whfast', 'zz']",
+    "[orbits.Option('share', 0.5, help='a part')]", "{'share': 0.25}", "lambda options: 0.1",
     "[orbits.StormerVerlet()] * 2", "'stormer-verlet'", "['nope']", "orbits.Gauss", "'6 d'",
 ]  # fmt: skip
 FILES = [
@@ -111,7 +113,7 @@ def test_any_option_ends_with_an_exit_code(command: str, file: str, option: str,
     command=st.sampled_from(["run", "compare"]),
     changes=st.dictionaries(
         st.sampled_from(["name", "title", "system", "integrators", "dt", "duration", "samples", "against", "tolerances",
-                         "checks", "draw", "nonsense"]),
+                         "checks", "draw", "options", "chosen", "nonsense"]),
         st.sampled_from(EXPRESSIONS), min_size=1, max_size=2,
     ),
 )  # fmt: skip

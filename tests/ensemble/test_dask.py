@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -112,6 +113,15 @@ def test_a_cluster_that_is_not_there_is_said_at_once(tmp_path, monkeypatch):
         ensemble.run(belt(20), tmp_path / "c", client="not an address", **OPTIONS)
     with pytest.raises(InputError, match=r"client is 3; expected a distributed\.Client"):
         ensemble.run(belt(20), tmp_path / "c", client=3, **OPTIONS)
+
+
+def test_a_client_that_does_not_connect_is_closed_at_once(tmp_path):
+    """One that is left to the garbage collector can wait forever for a lock of whatever that interrupts."""
+    with pytest.raises(InputError, match="'not an address'") as refused:
+        ensemble.run(belt(20), tmp_path / "c", client="not an address", **OPTIONS)
+    left = [one for one in gc.get_objects() if type(one) is distributed.Client and one.status != "running"]
+    assert left, refused  # which keeps it until here
+    assert all(one.status == "closed" for one in left)
 
 
 def test_a_cluster_without_workers_is_said(tmp_path, monkeypatch):

@@ -145,6 +145,17 @@ def test_crossers_are_followed_in_democratic_heliocentric_coordinates_too():
     assert np.median(left[:16]) > 30.0 * off[16:].max()  # seen: 820,000 km
 
 
+def test_closest_approaches_of_followed_particles_do_not_depend_on_threads():
+    """To the last bit: each share of the particles has its own bodies, which are seen the same in all."""
+    start = system(CROSSERS)
+    one, other = (
+        orbits.propagate(start, FOLLOW, dt=25 * u.day, duration=-100 * u.yr, samples=2, threads=threads, progress=False)
+        for threads in (1, 5)
+    )
+    found, expected = other.closest_approaches().distance, one.closest_approaches().distance
+    assert np.array_equal(found, expected, equal_nan=True)
+
+
 def test_samples_archives_threads_and_times_between_leave_the_run_as_it_is(tmp_path):
     """The archive ends while a particle is away. Between the steps, states are within what the map leaves of those of
     steps chosen one by one, in encounters too.

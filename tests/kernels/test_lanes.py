@@ -188,6 +188,18 @@ def test_some_lanes_are_stored_and_nothing_else_is_written(count):
     assert np.all(np.delete(out, np.arange(3, 3 + stored)) == -1.0)
 
 
+@pytest.mark.parametrize("count", [-1, 0, 1, 5, 7, 8, 9])
+def test_some_lanes_are_loaded_and_the_others_are_zero(count):
+    @kernel
+    def run(a, out, count):
+        L.store(out, 0, L.load_some(a, 3, count))
+
+    a, out = np.arange(1.0, 12.0), np.full(8, -1.0)
+    run(a, out, count)
+    read = max(0, min(count, 8))
+    assert np.array_equal(out, np.append(a[3 : 3 + read], np.zeros(8 - read)))
+
+
 def test_fma_rounds_once():
     @kernel
     def run(a, b, c, out):

@@ -56,6 +56,27 @@ def store(typingctx, array, index, value):
 
 
 @intrinsic
+def load_some(typingctx, array, index, count):
+    """Return the first `count` of eight consecutive elements of a vector from `index` on, with zeros in the other
+    lanes, of which nothing is read; all, if count > 8.
+    """
+    if not is_contiguous(array, 1):
+        return None
+
+    def codegen(context, builder, sig, args):
+        index, count = (context.cast(builder, args[k], sig.args[k], types.int64) for k in (1, 2))
+        pointer = builder.bitcast(element_pointer(context, builder, sig.args[0], args[0], index), VECTOR.as_pointer())
+        mask = _first_lanes(builder, count)
+        kinds = [pointer.type, INT32, mask.type, VECTOR]
+        function = cgutils.get_or_insert_function(
+            builder.module, ir.FunctionType(VECTOR, kinds), "llvm.masked.load.v8f64.p0"
+        )
+        return builder.call(function, [pointer, INT32(8), mask, constant(0.0)])
+
+    return lanes(array, index, count), codegen
+
+
+@intrinsic
 def store_some(typingctx, array, index, value, count):
     """Write the first `count` of eight lanes to consecutive elements of a vector from `index` on; all, if count > 8."""
     if not (is_contiguous(array, 1) and value == lanes):
@@ -64,10 +85,7 @@ def store_some(typingctx, array, index, value, count):
     def codegen(context, builder, sig, args):
         index, count = (context.cast(builder, args[k], sig.args[k], types.int64) for k in (1, 3))
         pointer = builder.bitcast(element_pointer(context, builder, sig.args[0], args[0], index), VECTOR.as_pointer())
-        words = ir.VectorType(INT64, WIDTH)
-        limit = builder.insert_element(ir.Constant(words, ir.Undefined), count, INT32(0))
-        limit = shuffle(builder, limit, ir.Constant(words, ir.Undefined), [0] * WIDTH)
-        mask = builder.icmp_signed("<", ir.Constant(words, list(range(WIDTH))), limit)
+        mask = _first_lanes(builder, count)
         kinds = [VECTOR, pointer.type, INT32, mask.type]
         function = cgutils.get_or_insert_function(
             builder.module, ir.FunctionType(ir.VoidType(), kinds), "llvm.masked.store.v8f64.p0"
@@ -76,6 +94,14 @@ def store_some(typingctx, array, index, value, count):
         return context.get_dummy_value()
 
     return types.void(array, index, value, count), codegen
+
+
+def _first_lanes(builder, count):
+    """Return a mask of the first `count` of eight lanes."""
+    words = ir.VectorType(INT64, WIDTH)
+    limit = builder.insert_element(ir.Constant(words, ir.Undefined), count, INT32(0))
+    limit = shuffle(builder, limit, ir.Constant(words, ir.Undefined), [0] * WIDTH)
+    return builder.icmp_signed("<", ir.Constant(words, list(range(WIDTH))), limit)
 
 
 @intrinsic
