@@ -17,6 +17,9 @@ LONGEST_NAME = 128
 EARTH_AND_MOON = ("earth", "moon")
 BOTH = "Earth-Moon barycenter"
 
+WITH_ARTICLE = re.compile(r"sun|earth|moon|(.+ )?barycent(er|re)", re.IGNORECASE)
+"""Names that take an article in a sentence."""
+
 
 def checked_names(names: Any) -> tuple[str, ...]:
     """Return names as a tuple of str. Raises InputError for an invalid name, and for names that occur twice."""
@@ -78,6 +81,11 @@ def place_of(name: object, names: Sequence[str]) -> int | None:
         return names.index(name)
     alike = [i for i, other in enumerate(names) if other.lower() == name.lower()]
     return alike[0] if len(alike) == 1 else None
+
+
+def with_article(name: str) -> str:
+    """Return a name as in a sentence: "the Sun", "the Earth-Moon barycenter", "Jupiter"."""
+    return f"the {name}" if WITH_ARTICLE.fullmatch(name) else name
 
 
 def few(names: Sequence[str], most: int = 12) -> str:

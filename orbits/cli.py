@@ -211,20 +211,51 @@ def plot(
     kind: Annotated[
         str,
         typer.Option(
-            help="paths; elements, against time; phase, of eccentricities; resonance; error, its growth; energy; "
-            "rotation, of a rigid body.",
+            help="What to draw: paths, the orbits from above and the changes of energy and angular momentum; elements, "
+            "against time; phase, eccentricities with the directions of pericentres; resonance, its angle (give "
+            "--resonance 3:1, say); error, the growth of errors; energy, its changes with their signs; or rotation, of "
+            "a rigid body.",
             metavar="KIND",
         ),
     ] = "paths",
     body: Annotated[
-        list[str] | None, typer.Option(help="A body to draw, again for more; all by default.", metavar="NAME")
+        list[str] | None,
+        typer.Option(
+            help="Name of a body to draw; again for more: --body Mercury --body Venus. All by default; `orbits info "
+            "FILE` has the names.",
+            metavar="NAME",
+        ),
     ] = None,
     elements: Annotated[
-        str | None, typer.Option(help="Elements to draw, with commas: a,e,inc,pomega.", metavar="NAMES")
+        str | None,
+        typer.Option(
+            help="For the kind elements: which ones, with commas; by default a,e,inc. Others are q, Omega, omega, "
+            "pomega, M, l, f, n, P, h, k, ix and iy. Angles are drawn in degrees.",
+            metavar="NAMES",
+        ),
     ] = None,
-    resonance: Annotated[str | None, typer.Option(help="A resonance with --planet: 3:1.", metavar="P:Q")] = None,
-    planet: Annotated[str | None, typer.Option(help="The planet of a resonance.", metavar="NAME")] = None,
-    primary: Annotated[str | None, typer.Option(help="The body that the others orbit.", metavar="NAME")] = None,
+    resonance: Annotated[
+        str | None,
+        typer.Option(
+            help="For the kind resonance: 3:1 if the body's year is a third of the planet's, 2:3 if it is three halves "
+            "of it, 1:1 for a Trojan.",
+            metavar="P:Q",
+        ),
+    ] = None,
+    planet: Annotated[
+        str | None,
+        typer.Option(
+            help="For the kind resonance: the planet, such as Jupiter; the heaviest one by default.", metavar="NAME"
+        ),
+    ] = None,
+    primary: Annotated[
+        str | None,
+        typer.Option(
+            help="For the kinds elements, phase, resonance and rotation: the body that is orbited, such as Sun; the "
+            "heaviest one by default.",
+            metavar="NAME",
+        ),
+    ] = None,
 ) -> None:
     """Draw the run in an archive: paths and conserved quantities, or another kind of picture.
 
@@ -294,16 +325,31 @@ def ephemeris(
     observer: Annotated[
         str,
         typer.Option(
-            help="A body, 'barycentre', or a place on the Earth: degrees east, degrees north, metres, with commas.",
+            help="A body, 'barycentre', or a place on the Earth: degrees east, degrees north, metres, with commas, as "
+            "in -70.7366,-30.2407,2663.",
             metavar="WHERE",
         ),
     ] = "Earth",
     start: Annotated[
         str | None,
-        typer.Option("--from", help="First time: '2026-01-01' or '10 d'; by default the samples.", metavar="TIME"),
+        typer.Option(
+            "--from",
+            help="First time, or the only one: a date, '2026-01-01' or '2026-01-01T12:00', or a time since the epoch, "
+            "'10 d'. Without it, the times are those of the samples.",
+            metavar="TIME",
+        ),
     ] = None,
-    stop: Annotated[str | None, typer.Option("--to", help="Last time.", metavar="TIME")] = None,
-    step: Annotated[str | None, typer.Option(help="From time to time: '1 d'.", metavar="TIME")] = None,
+    stop: Annotated[
+        str | None, typer.Option("--to", help="Last time, as --from; it needs --step.", metavar="TIME")
+    ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option(
+            help="Time from one row of a body to the next, between --from and --to: '1 d', '10 min', or a number in "
+            "the run's unit of time.",
+            metavar="TIME",
+        ),
+    ] = None,
     utc: Annotated[bool, typer.Option("--utc", help="Dates are in UTC instead of TDB.", metavar="")] = False,
     h: Annotated[float | None, typer.Option("--h", help="Absolute magnitude of the body.", metavar="NUMBER")] = None,
     g: Annotated[float | None, typer.Option("--g", help="Its slope parameter G.", metavar="NUMBER")] = None,
@@ -338,10 +384,24 @@ def ensemble(
     ] = None,
     dt: Dt = None,
     duration: Duration = None,
-    integrator: Method = None,
+    integrator: Annotated[
+        str | None,
+        typer.Option(
+            help="Method instead of that of the plan or the scenario: gauss, 'gauss(stages=4)', "
+            "'wisdom-holman(kernel=lazy)'. `orbits list` has all.",
+            metavar="METHOD",
+        ),
+    ] = None,
     samples: Samples = None,
     own: Own = None,
-    block: Annotated[int | None, typer.Option(help="Members that are integrated together.", metavar="NUMBER")] = None,
+    block: Annotated[
+        int | None,
+        typer.Option(
+            help="Number of members that are integrated together; by default so many that what a block costs besides "
+            "is little.",
+            metavar="NUMBER",
+        ),
+    ] = None,
     workers: Annotated[
         int | None, typer.Option(help="Number of threads; all processors by default.", metavar="NUMBER")
     ] = None,
@@ -349,7 +409,15 @@ def ensemble(
     scheduler: Annotated[
         str | None, typer.Option(help="A Dask cluster instead: tcp://host:8786.", metavar="ADDRESS")
     ] = None,
-    megno: Annotated[bool, typer.Option("--megno", help="MEGNO of each member too.", metavar="")] = False,
+    megno: Annotated[
+        bool,
+        typer.Option(
+            "--megno",
+            help="A column of the table with the MEGNO of each member: it tends to 2 for regular motion and grows "
+            "with time for chaotic motion. Members are integrated once more for it.",
+            metavar="",
+        ),
+    ] = False,
     table_only: Annotated[
         bool, typer.Option("--table-only", help="Keep the table of the members, and no samples.", metavar="")
     ] = False,
@@ -401,7 +469,12 @@ def view(
         bool, typer.Option("--no-browser", help="Print the address, and open no browser.", metavar="")
     ] = False,
     limit: Annotated[
-        float, typer.Option(help="The most megabytes of samples in the page; a larger run is thinned.", metavar="MB")
+        float,
+        typer.Option(
+            help="The most megabytes of samples in the page. Of a larger run every second, third, ... sample is kept, "
+            "and fewer massless particles where that is not enough; the page says so. More: --limit 200.",
+            metavar="MB",
+        ),
     ] = 48.0,
 ) -> None:
     """Look at the run in an archive in the browser, in three dimensions; follow it while it grows. Ctrl-C ends it.

@@ -135,7 +135,7 @@ def experiment(say):
     return StudyResult(
         tables=[Table("Islands of Hyperion's section, and what becomes of a tilt of 1e-7°", columns, rows)],
         checks=checks,
-        figures={"hyperion": lambda: draw(section, chaotic, wandering, revolutions, tilts)},
+        figures={"hyperion": lambda: draw(section, chaotic, islands, wandering, revolutions, tilts)},
         record={
             "sea": {"low": low, "high": high, "lyapunov exponent per revolution": exponent},
             "islands": {name: [each.theta, each.rate, each.period] for name, each in islands.items()},
@@ -144,7 +144,11 @@ def experiment(say):
     )
 
 
-def draw(section, chaotic, wandering, revolutions, tilts):
+BESIDE = {"1:2": (-18, 0), "5:2": (36, 0.2)}
+"""Where the label of an island too small for one stands, from its middle: degrees, and the rate."""
+
+
+def draw(section, chaotic, islands, wandering, revolutions, tilts):
     """The section, large; the rate of a spin in the sea; the tilts of axes in four islands."""
     from orbits import plotting
 
@@ -156,9 +160,14 @@ def draw(section, chaotic, wandering, revolutions, tilts):
     axis.plot(angles[chaotic].ravel(), section.rate[chaotic].ravel(), ",", color="#8F8F8F", zorder=1)
     for k, (x, y) in enumerate(zip(angles[~chaotic], section.rate[~chaotic], strict=True)):
         axis.plot(x, y, ".", ms=1.3, mew=0, color=shades[k % len(shades)], zorder=2)
-    names = {"1:1": (0, 0.55), "2:1": (0, 2.33), "1:2": (76, 0.87)}
-    for name, place in names.items():
-        style.halo(axis.text(*place, name, ha="center", va="center", fontsize=15, fontweight="bold", zorder=3))
+    for name, island in islands.items():
+        middle = np.degrees(island.theta), island.rate
+        away = BESIDE.get(name, (0, 0))
+        label = axis.annotate(
+            name, middle, np.add(middle, away), ha="center", va="center", fontsize=15, fontweight="bold", zorder=4,
+            arrowprops={"arrowstyle": "-|>", "color": style.INK, "shrinkA": 1, "shrinkB": 8} if any(away) else None,
+        )  # fmt: skip
+        style.halo(label)
     axis.set(xlim=(-90, 90), ylim=(0, 3.2), xticks=range(-90, 91, 30))
     axis.set(xlabel="angle of the long axis at the pericentre, θ [°]", ylabel="rate of the spin there, θ′/n")
     axis.set_title(f"{len(angles)} spins for {REVOLUTIONS:,} revolutions: α = {ALPHA}, e = {E}")

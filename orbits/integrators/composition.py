@@ -82,6 +82,7 @@ class Composition(Integrator):
                 "corrector, which raises its order"
             )
         require_order(self.base.order, self.order)
+        object.__setattr__(self, "order", int(self.order))
         if self.scheme is None:
             object.__setattr__(self, "scheme", self._default())
         if not isinstance(self.scheme, str):

@@ -12,7 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from orbits.checks import checked_flag
+from orbits.checks import checked_flag, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import option
 from orbits.integrators.collocation import Collocation
@@ -50,11 +50,13 @@ class Gauss(VariationalRungeKutta):
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.1.3, VIII.6; Marsden & West (2001), sec. 2.6"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.stages, int) or isinstance(self.stages, bool) or not 1 <= self.stages <= MOST:
+        if not is_whole(self.stages) or not 1 <= self.stages <= MOST:
             raise InputError(
-                f"Gauss needs stages between 1 and {MOST}, got {shown(self.stages)}; use e.g. Gauss(stages=8)"
+                f"Gauss needs a whole number of stages between 1 and {MOST}, got {shown(self.stages)}; use e.g. "
+                "Gauss(stages=8)"
             )
-        checked_flag(self.close_pairs, "close_pairs")
+        object.__setattr__(self, "stages", int(self.stages))
+        object.__setattr__(self, "close_pairs", checked_flag(self.close_pairs, "close_pairs"))
 
     @property
     def tableau(self) -> SymplecticTableau:

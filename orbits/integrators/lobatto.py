@@ -11,10 +11,11 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Marsden & West (200
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
+from orbits.checks import is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.forms import Array, Form
 from orbits.integrators.splitting import Splitting
@@ -29,9 +30,13 @@ def drift_kick_drift(h: float) -> tuple[Array, Array]:
     return np.array([0.0, h, 0.0]), np.array([h / 2, h / 2])
 
 
-def _check(name: str, stages: object) -> None:
-    if not isinstance(stages, int) or isinstance(stages, bool) or not 2 <= stages <= WIDTH:
-        raise InputError(f"{name} needs stages between 2 and {WIDTH}, got {shown(stages)}; use e.g. {name}(stages=3)")
+def _checked(name: str, stages: Any) -> int:
+    if not is_whole(stages) or not 2 <= stages <= WIDTH:
+        raise InputError(
+            f"{name} needs a whole number of stages between 2 and {WIDTH}, got {shown(stages)}; use e.g. "
+            f"{name}(stages=3)"
+        )
+    return int(stages)
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ class LobattoIIIAB(VariationalRungeKutta):
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Sun (1993)"
 
     def __post_init__(self) -> None:
-        _check("LobattoIIIAB", self.stages)
+        object.__setattr__(self, "stages", _checked("LobattoIIIAB", self.stages))
 
     @property
     def tableau(self) -> SymplecticTableau:
@@ -88,7 +93,7 @@ class LobattoIIIBA(VariationalRungeKutta):
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Sun (1993)"
 
     def __post_init__(self) -> None:
-        _check("LobattoIIIBA", self.stages)
+        object.__setattr__(self, "stages", _checked("LobattoIIIBA", self.stages))
 
     @property
     def tableau(self) -> SymplecticTableau:

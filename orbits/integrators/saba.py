@@ -310,7 +310,7 @@ def _orders(first: Any, second: Any, third: Any) -> tuple[int, ...]:
         except (SyntaxError, ValueError):
             given = (given,)
     values = tuple(x for x in given if x is not None) if isinstance(given, tuple | list) else (given,)
-    if values == (10,) or (values in ((10, 6), (8, 6)) and all(map(is_whole, values))):
+    if all(map(is_whole, values)) and values in ((10,), (10, 6), (8, 6)):
         values = {10: (10, 6, 4), 8: (8, 6, 4)}[values[0]]
     if all(map(is_whole, values)) and values in KNOWN:
         return tuple(int(x) for x in values)

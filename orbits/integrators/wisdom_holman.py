@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from orbits.checks import finite_number, has_unit
+from orbits.checks import checked_flag, finite_number, has_unit, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
@@ -158,11 +158,11 @@ class WisdomHolman(Integrator):
             object.__setattr__(self, "corrector", 0 if self._heliocentric else 17)
         if self.kernel not in KERNELS:
             raise InputError(f"kernel is {shown(self.kernel)}; expected {_one_of(KERNELS)}")
-        if isinstance(self.corrector, bool) or self.corrector not in PAIRS:
+        if not is_whole(self.corrector) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
             raise InputError(f"corrector is {shown(self.corrector)}; expected {known}, or 0 for none")
-        if not isinstance(self.corrector2, bool):
-            raise InputError(f"corrector2 is {shown(self.corrector2)}; expected True or False")
+        object.__setattr__(self, "corrector", int(self.corrector))
+        object.__setattr__(self, "corrector2", checked_flag(self.corrector2, "corrector2"))
         if self._heliocentric:
             self._require_neither_kernel_nor_corrector()
         if self.encounters not in ENCOUNTERS:
@@ -178,7 +178,6 @@ class WisdomHolman(Integrator):
                 f"lost_within is {self.lost_within:g}, and ejected_beyond {self.ejected_beyond:g}; expected a smaller "
                 "distance within than beyond"
             )
-        object.__setattr__(self, "corrector", int(self.corrector))
         if self.kernel != "standard" and not self.corrector:
             raise InputError(
                 f"kernel={self.kernel!r} removes an error that only a corrector brings to light, and makes it larger "

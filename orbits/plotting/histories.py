@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.body_names import index_of
+from orbits.body_names import index_of, with_article
 from orbits.elements import default_frame, elements_from_state, to_frame
 from orbits.errors import InputError
 
@@ -87,8 +87,8 @@ def histories(
     others = [i for i in bodies if i != primary]
     if not others:
         raise InputError(
-            f"kind={kind!r} draws orbits about {run.names[primary]}, but no other body is asked for; name some, or "
-            "draw kind='paths'."
+            f"kind={kind!r} draws orbits about {with_article(run.names[primary])}, but no other body is asked for; "
+            "name some, or draw kind='paths'."
         )
     frame = (default_frame(run.system.units) if frame is None else frame).lower()
     gm = np.broadcast_to(run.system.values.gm, (len(run), len(run.names)))

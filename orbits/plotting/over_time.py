@@ -298,7 +298,7 @@ def heading(run: Trajectory, known: Histories) -> str:
     physical = run.system.units.is_physical or known.frame == "ecliptic"
     frame = f", {FRAME_LABELS.get(known.frame, known.frame)}" if physical else ""
     method = words.method_words(run.integrator.label)
-    return f"orbits about {words.short(run.names[known.primary])}{frame}; {method}"
+    return f"orbits about {words.in_prose(run.names[known.primary])}{frame}; {method}"
 
 
 def _unit(run: Trajectory) -> str:

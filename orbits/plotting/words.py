@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from astropy import units as u
 
+from orbits.body_names import with_article
 from orbits.integrators import registry
 from orbits.units import date_text
 
@@ -32,6 +33,12 @@ def short(name: str) -> str:
     name = SHORT_NAMES.get(name, name)
     keep = (LONGEST_NAME - 1) // 2
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1 - keep]}…{name[-keep:]}"
+
+
+def in_prose(name: str) -> str:
+    """Return a name as in a sentence: with its article, "the Sun", or shortened if it takes none."""
+    own = with_article(name)
+    return short(name) if own == name else own
 
 
 def method_words(label: str) -> str:

@@ -34,9 +34,19 @@ Dt = Annotated[
         metavar="STEP",
     ),
 ]
-Duration = Annotated[str | None, typer.Option(help="How far: '100 yr'; negative for backwards.", metavar="TIME")]
+Duration = Annotated[
+    str | None,
+    typer.Option(
+        help="How far: '100 yr', or a number in the system's unit of time; negative for backwards.", metavar="TIME"
+    ),
+]
 Method = Annotated[
-    str | None, typer.Option(help="One method instead of the scenario's: 'gauss(stages=4)'.", metavar="METHOD")
+    str | None,
+    typer.Option(
+        help="One method instead of the scenario's: gauss, 'gauss(stages=4)', 'wisdom-holman(kernel=lazy)'. `orbits "
+        "list` has all.",
+        metavar="METHOD",
+    ),
 ]
 Samples = Annotated[int | None, typer.Option(help="Number of samples, both ends included.", metavar="NUMBER")]
 Own = Annotated[
@@ -67,7 +77,9 @@ Beat = Annotated[
     str | None,
     typer.Option(
         "--heartbeat",
-        help="From line to line about the run: '60 s', or never. By default a minute where there is no terminal.",
+        help="Wall time from one line about the run to the next, instead of a bar: '60 s', '5 min', a number of "
+        "seconds, or never. By default a minute where there is no terminal. A line has the time reached, steps per "
+        "second, what is left, and the drifts of energy and angular momentum.",
         metavar="TIME",
     ),
 ]

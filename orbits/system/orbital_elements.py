@@ -12,7 +12,7 @@ from astropy.units import Quantity
 from numpy.typing import ArrayLike, NDArray
 
 from orbits import diagnostics
-from orbits.body_names import chosen, few, index_of
+from orbits.body_names import chosen, few, index_of, with_article
 from orbits.elements import default_frame, elements_from_state, to_frame
 from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
@@ -118,7 +118,7 @@ class OrbitalElements(Tabular):
         return text_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
-        what = f"elements of {few(self.names)} about {self.primary}, {self.frame}"
+        what = f"elements of {few(self.names)} about {with_article(self.primary)}, {self.frame}"
         if not self.t.ndim:
             return what
         return f"{what}, lowest ... highest of {len(self.t):,} samples, {presenting.span(self.t)}"

@@ -147,6 +147,7 @@ class ViewData:
             "moment": words.moment(system),
             "bodies": {
                 "names": [words.SHORT_NAMES.get(name, name) for name in names],
+                "in_prose": [words.in_prose(name) for name in names],
                 "colours": style.colours(names),
                 "gm": [float(system.values.gm[i]) for i in layout.bodies],
                 "centre": list(layout.centres),

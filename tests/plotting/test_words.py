@@ -7,6 +7,7 @@ from astropy import units as u
 
 from orbits.integrators import registry
 from orbits.plotting import fitting_time, in_fitting_time, method_words, short
+from orbits.plotting.words import in_prose
 
 WORDS = {
     "ExplicitEuler()": "explicit Euler",
@@ -73,3 +74,18 @@ def test_a_long_name_keeps_both_its_ends():
     assert all(len(each) <= 28 and each.startswith("A planet") for each in shown)
     assert short("Earth-Moon barycenter") == "Earth–Moon"
     assert short("Ceres") == "Ceres"
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("Sun", "the Sun"),
+        ("Moon", "the Moon"),
+        ("Earth-Moon barycenter", "the Earth-Moon barycenter"),
+        ("Jupiter", "Jupiter"),
+        ("Moonlet", "Moonlet"),
+        ("A planet with a name of forty characters", "A planet with …ty characters"),
+    ],
+)
+def test_a_name_takes_its_article_in_a_sentence(name, told):
+    assert in_prose(name) == told

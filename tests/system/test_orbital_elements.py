@@ -103,7 +103,7 @@ def test_one_body_is_chosen_by_name() -> None:
 def test_the_repr_is_a_table() -> None:
     text = repr(System.solar_system(bodies=["Sun", "Mercury", "Jupiter"]).elements("Sun"))
     head, columns, mercury, jupiter = text.split("\n")
-    assert head == "elements of Mercury, Jupiter about Sun, ecliptic"
+    assert head == "elements of Mercury, Jupiter about the Sun, ecliptic"
     assert columns.split("  ")[-1].strip() == "M [deg]"
     assert mercury.split()[:3] == ["Mercury", "0.387098", "0.20563"]
     assert jupiter.split()[:3] == ["Jupiter", "5.20427", "0.0487749"]

@@ -182,6 +182,8 @@ def test_a_body_that_is_clicked_shows_its_elements_and_closest_approaches(
     ).click().perform()
     settled(chromium)
     assert chromium.execute_script("return document.querySelector('.picked h2').textContent") == "Jupiter"
+    note = chromium.execute_script("return document.querySelector('.picked .note').textContent")
+    assert note == "osculating, about the Sun · ecliptic of J2000"
     cells = chromium.execute_script("return [...document.querySelectorAll('.elements > *')].map((x) => x.textContent)")
     shown = dict(zip(cells[::2], cells[1::2], strict=True))
     elements = run[-1].elements("Sun")["Jupiter"]

@@ -147,7 +147,7 @@ export class Panel {
     this.of = picked; this.focused = focus; this.knew = run.approaches;
     this.cells = [];
     this.values = element("dl", { class: "elements" });
-    const [, gm] = run.centreOf(picked), to = centre < 0 ? "the centre of mass" : run.names[centre];
+    const [, gm] = run.centreOf(picked), to = centre < 0 ? "the centre of mass" : run.header.bodies.in_prose[centre];
     const about = gm > 0 ? `osculating, about ${to} · ${run.header.frame}` : run.header.frame;
     const head = element("header", {}, element("h2", { text: name }),
       element("button", { type: "button", text: focus === picked ? "centred" : "centre on it", disabled: focus === picked, onclick: () => this.to.focus(picked) }),
