@@ -155,9 +155,10 @@ def enter_with_vectors(
     else:
         enter_planets(strength, q, q_lo, p, p_lo, room.planets, room.scratch)
     _keep_masses(strength, room.planets, heliocentric, room)
+    central = _central(strength, room.planets)
     for group in range(vectors.shape[0]):
         if heliocentric:
-            to_heliocentric(room.planets, room.mass, room.gm[0], count, vectors[group], room.shifted)
+            to_heliocentric(room.planets, room.mass, central, count, vectors[group], room.shifted)
         else:
             to_jacobi(room.planets, room.scratch, count, vectors[group], room.shifted)
     if not heliocentric:
@@ -192,18 +193,25 @@ def leave_with_vectors(
         to_velocities(model, room.planets, room.scratch, stages, -1)
         velocities_of_vectors(model, vectors, room)
     leave(method, model, h, state, storage)
+    central = _central(strength, room.planets)
     for group in range(vectors.shape[0]):
         if heliocentric:
-            from_heliocentric(room.planets, room.mass, room.gm[0], count, vectors[group], room.shifted)
+            from_heliocentric(room.planets, room.mass, central, count, vectors[group], room.shifted)
         else:
             to_bodies(room.planets, room.scratch, count, vectors[group], room.shifted)
+
+
+@kernel(inline=True)
+def _central(strength, planets):
+    """Return GM of the dominant body, also of one that is alone."""
+    return strength[1 + int(planets[planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS, 6])]
 
 
 @kernel
 def _keep_masses(strength, planets, heliocentric, room):
     """Write GM of the planets, and that about which each of them moves, in their order."""
     numbers = planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS
-    central = strength[1 + int(planets[numbers, 6])]
+    central = _central(strength, planets)
     inside = central
     for i in range(strength.shape[0] - 2):
         gm = strength[1 + int(planets[numbers + 2 + i // WIDTH, i % WIDTH])]
@@ -235,8 +243,9 @@ def _take(model, kind, length, kicked, shift, vectors, room):
     if kind == HELIOCENTRIC_KICK:
         place_heliocentric(planets, room.places)
         kick_heliocentric(planets, scratch, count, length)
+        central = _central(strength_of(model), planets)
         for group in range(vectors.shape[0]):
-            kick_heliocentric_vectors(room.mass, room.gm[0], length, vectors[group], room)
+            kick_heliocentric_vectors(room.mass, central, length, vectors[group], room)
         return False
     if not kicked:
         _place_kick(model, kind, shift, room)

@@ -194,6 +194,16 @@ def test_the_matrix_of_a_map_holds_for_planets_in_two_registers_and_in_any_order
         assert np.abs(found - by_differences).max() < 2e-12  # seen: 6e-13
 
 
+@pytest.mark.parametrize("method", [orbits.WisdomHolman(), HELIOCENTRIC], ids=["jacobi", "heliocentric"])
+def test_a_star_alone_moves_freely_in_maps_with_variations(method):
+    """Three times, as memory of no planets may lie anywhere, next to any numbers."""
+    star = orbits.System(["star"], [1.0], [[0.1, 0.2, -0.3]], [[0.01, -0.02, 0.03]], units=orbits.DIMENSIONLESS)
+    free = np.eye(6) + 2.0 * np.eye(6, k=3)
+    for _ in range(3):
+        found = orbits.state_transition(star, method, dt=0.125, duration=2.0, check_step=False)
+        assert np.array_equal(found.matrix, free)
+
+
 @pytest.mark.parametrize("kernel", ["modified-kick", "lazy"])
 def test_the_matrix_of_a_map_holds_in_what_is_of_the_second_order_in_the_masses(kernel):
     """With planets of a fiftieth of the star's mass and long steps, what the modified kick adds is above rounding."""
