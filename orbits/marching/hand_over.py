@@ -73,11 +73,6 @@ BEGUN, PART, MORE_ROWS = 0, 3, 2
 `orbits.marching.own_clocks.BEFORE`); if it was lost, the part of a step that it took; in the other three rows L. These
 are two rows more than a particle has that is marched by the map alone."""
 
-UNKNOWN, PLACED, STEPPED = 0, 1, 2
-"""What is known of the bodies in a step: nothing; their state at its beginning; or all of the step. The state is the
-same to the last bit, whichever particle needs it, and for what: so what is logged depends on no other particle.
-"""
-
 
 def parts_taken(memory: Array) -> Array:
     """Return the parts of a step that lost particles have taken by steps of their own, from the memory of all."""
@@ -117,7 +112,7 @@ class Away(NamedTuple):
     method, field, shared, log : see `orbits.marching.own_clocks.follow`, as `clock`, whose numbers alone are read
     model : with the bodies in the order of the map, `log.order`, as in `field`: so no sum over them depends on another
     whole : the coefficients of a step of the bodies; scratch : of one of these, and of a particle's own
-    carry, times : (3, 8) and (4,), of its own steps; reached : (steps,), see `UNKNOWN`
+    carry, times : (3, 8) and (4,), of its own steps; reached : (steps,) bool, the steps of the bodies in `field`
     bodies : (4, padded), a state of the bodies in this order
     """
 
@@ -184,7 +179,7 @@ def _learn_step(here, away, k):
         store(carry, row, full(0.0))
     storage = Storage(carry, away.scratch, away.field.stages[k], Share(0, state.q.shape[0], None))
     status, _, _ = step(Method(away.method.tag, away.whole), away.model, t, h, state, storage)
-    away.reached[k] = STEPPED
+    away.reached[k] = True
     return status
 
 
@@ -252,9 +247,6 @@ def _enter_map(here, away, k, particle):
 def _log_map(here, away, track, p, slot, start, stop):
     """Log the states of a particle at the beginnings of steps start ... stop - 1, by the map."""
     for k in range(start, stop):
-        if away.reached[k] == UNKNOWN:
-            _state_of_bodies(here, away, k)
-            away.reached[k] = PLACED
         row, zero = 6 * k, 0.0
         log_state(
             away.method, away.model, away.field, away.log, p, k, 0.0,
@@ -293,7 +285,7 @@ def _go_through(here, away, columns, track, p, steps, is_away):
                 away.times[BEFORE], away.times[NEXT] = 0.0, 0.0
             continue
         record_particle(track, k, slot, particle)
-        if away.reached[k] != STEPPED:
+        if not away.reached[k]:
             status = _learn_step(here, away, k)
         if status == OK:
             scratch = Storage(away.carry, away.scratch, away.field.stages[k], Share(p, p + 1, None))
@@ -347,7 +339,6 @@ def _look(here, away, columns, track, p, steps, status):
     """Let observers see the particle at all its steps, alone, and hide it from those of the others."""
     if away.log.context != 0:
         if status == OK:
-            _state_of_bodies(here, away, steps)
             log_state(away.method, away.model, away.field, away.log, p, steps, 0.0, load_particle(columns, p))
         look(away.method, away.model, away.field, away.log, p)
         hide(away.log, p, steps, track)
@@ -384,14 +375,14 @@ def march_handing_over(
         Columns(own_columns[0], own_columns[1], own_columns[2], own_columns[3]), own_retired, rows, bodies, planets,
     )  # fmt: skip
     for k in range(steps):
-        known[k], before[k], reached[k] = False, 0.0, UNKNOWN
+        known[k], before[k], reached[k] = False, 0.0, False
         times[k], times[reached.shape[0] + 1 + k] = k * h, h
         times[2 * (reached.shape[0] + 1) + k] = step_of(clock, k)[0]
     times[steps], times[2 * (reached.shape[0] + 1) + steps] = steps * h, step_of(clock, steps)[0]
     away = Away(
         Method(own_form, own_table), Model(tag, own_parameters), Clock(timing, own_numbers, times),
         Field(t, times, own_stages, own_path, own_kicks, chart, modes, known, between), Shared(tables, before, ends),
-        Log(observer, own_context, counts, at, log_times, log_path, log_track, found, order, reaches, seen),
+        Log(observer, own_context, counts, at, log_times, log_path, log_track, found, order, reaches, seen, path),
         own_whole, own_scratch, own_carry, own_times, reached, own_bodies,
     )  # fmt: skip
     evaluations = 0

@@ -145,4 +145,4 @@ class _Task:
         self.times = np.zeros(3 * (steps + 1) + 1 + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
         self.steps = scratch, stages, path, kicks
         self.ways = ways, np.zeros(COLUMNS), ordered
-        self.reached = np.zeros(steps, dtype=np.int64)
+        self.reached = np.zeros(steps, dtype=np.bool_)

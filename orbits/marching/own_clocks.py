@@ -288,7 +288,7 @@ def march_own_clocks(
     method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
     clock, shared = Clock(timing, numbers, times), Shared(tables, before, ends)
     field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
-    log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen)
+    log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen, path)
     evaluations = 0
     begin_log(log, steps)
     for k in range(steps):

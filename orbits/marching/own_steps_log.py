@@ -45,6 +45,7 @@ class Log(NamedTuple):
         body may have been touched, as in `touched`; see `orbits.kernels.watch`
     order : (n,) int64, the bodies of the observers in the order of those of the field
     reaches : (padded n,), those of the observers in this order; seen : (2, padded), workspace
+    whole : flat, the states of the bodies at the beginnings of their steps, as the observers see them, each padded
     """
 
     observer: Any
@@ -58,6 +59,7 @@ class Log(NamedTuple):
     order: Any
     reaches: Any
     seen: Any
+    whole: Any
 
 
 @kernel(inline=True)
@@ -102,12 +104,12 @@ def look(method, model, field, log, p):
         if part > 0.0:
             log.times[row] += part * length_of(field, k)
             state_between(method, model, field, k, part, q[: 3 * n], v[: 3 * n])
+            for i in range(3 * n):
+                at = entry + (i - i % n) + log.order[i % n]
+                log.path[at], log.path[at + stride] = q[i], v[i]
         else:
             for i in range(3 * n):
-                q[i], v[i] = field.path[begin + i], field.path[begin + stride + i]
-        for i in range(3 * n):
-            at = entry + (i - i % n) + log.order[i % n]
-            log.path[at], log.path[at + stride] = q[i], v[i]
+                log.path[entry + i], log.path[entry + stride + i] = log.whole[begin + i], log.whole[begin + stride + i]
     watch = watch_at(log.context)
     call_observer(log.observer, log.context, log.track, field.times[1] - field.times[0], last, first, p + 1)
     if watch.then != 0:
