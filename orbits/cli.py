@@ -436,6 +436,10 @@ def ensemble(
         from orbits.ensemble import command as campaigns
 
         if (Path(what) / campaigns.ABOUT).is_file():
+            if own:
+                from orbits.errors import InputError
+
+                raise InputError(f"--set {own[0]}: {what} is a campaign, which has its options; leave --set out.")
             campaigns.show(Path(what), as_json)
             return
         from orbits.integrators import parse

@@ -55,7 +55,7 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
         _draw_bodies(axes, system, points, looks, [i for i in cloud if i in chosen], chosen, frame)
         for axes, chosen in zip(maps, (set(range(len(system))), inner), strict=False)
     ]
-    maps[0].set_title(words.moment(system) if title is None else title)
+    maps[0].set_title(words.moment(system) if title is None else title, parse_math=False)
     style.below(made, *named_in(maps[0]), ELLIPSES if any(ellipses) else "")
     return made
 
@@ -103,7 +103,7 @@ def plot_trajectory(
     made_by = method
     if not math.isnan(run.step):  # NaN for methods with adaptive steps
         made_by += f", dt = {words.in_fitting_time(abs(run.step), system.units.time)}"
-    axes["map"].set_title(made_by if title is None else title)
+    axes["map"].set_title(made_by if title is None else title, parse_math=False)
     conserved(axes["energy"], axes["momentum"], {method: run})
     massive = [] if system.massive.all() else ["energy and angular momentum: of the massive bodies"]
     style.below(made, *named_in(axes["map"]), "; ".join([*told, *massive, ROUNDING]))

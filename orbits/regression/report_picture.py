@@ -61,7 +61,7 @@ def picture(report: Report) -> Figure:
     for axis in (axes["position"], axes["momentum"]):
         axis.set_xlabel(when + (f" [{time_unit}]" if time_unit else ""))
     title = shorten(str(report.settings.get("title") or "Comparison"), _LONGEST_TITLE, placeholder=" …")
-    made.suptitle(title, fontsize=21, fontweight="bold")
+    made.suptitle(title, fontsize=21, fontweight="bold", parse_math=False)
     told = "strong lines: the largest error so far; faint: the error itself"
     if any(row.kind == "peer" for row in rows):
         told += "; dashed: REBOUND"

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orbits.errors import InputError, Interrupted, OrbitsError, OutOfTime
+from orbits.option_values import option_text
 from orbits.scenario.definition import MIND, Outcome, Scenario
-from orbits.scenario.options import option_text, read_options
+from orbits.scenario.options import read_options
 from orbits.scenario.study import Study, StudyOutcome, Table, cell
 from orbits.scenario.typed import number_or_text, quantity, step_or_clock
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, shown
+from orbits.option_values import options_text
 from orbits.scenario.options import Option, all_values, checked_options
 
 if TYPE_CHECKING:
@@ -228,8 +229,6 @@ class Scenario:
         changed = {each.name: self.chosen[each.name] for each in self.options if self.chosen[each.name] != each.default}
         if not changed:
             return self.title
-        from orbits.archive.origin import options_text  # as above
-
         return f"{self.title} ({options_text(changed)})"
 
     def _given(self) -> tuple[dict[str, Any], ...]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
+from decimal import Decimal, InvalidOperation
 from difflib import get_close_matches
 from typing import Any
 
 from orbits.errors import InputError, UnknownNameError, shown
+from orbits.option_values import LARGEST, OPTION_NAME, is_option_value, option_text
 
-_NAME = re.compile(r"[a-z][a-z0-9_]*")
 _OF_ALL = ("dt", "duration", "integrator", "samples")
 """What can be changed in any scenario, by options of the command line."""
 _WORDS = {"yes": True, "true": True, "on": True, "no": False, "false": False, "off": False}
@@ -44,13 +43,15 @@ class Option:
     most: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not _NAME.fullmatch(self.name):
+        if not isinstance(self.name, str) or not OPTION_NAME.fullmatch(self.name):
             raise InputError(
                 f"the name of an option is {shown(self.name)}; expected lower-case letters, digits and '_', such as "
                 "'count'."
             )
         what = f"option {self.name!r}"
-        if not isinstance(self.help, str) or not self.help.strip() or "\n" in self.help:
+        if self.name in _OF_ALL:
+            raise InputError(f"{what}: every scenario has --{self.name}; give the option another name.")
+        if not isinstance(self.help, str) or not self.help.strip() or not self.help.isprintable():
             raise InputError(f"{what}: help must be one line of text; got {shown(self.help)}.")
         if self._kind is None:
             raise InputError(
@@ -59,7 +60,7 @@ class Option:
         if isinstance(self.choices, str) or not isinstance(self.choices, Sequence):
             raise InputError(f"{what}: choices are {shown(self.choices)}; expected a list, such as ['giants', 'all'].")
         object.__setattr__(self, "choices", tuple(self.choices))
-        from orbits.checks import finite_number  # imports NumPy, which the start of the command line avoids
+        from orbits.checks import finite_number, is_whole  # imports NumPy, which the start of the command line avoids
 
         for which in ("least", "most"):
             bound = getattr(self, which)
@@ -67,7 +68,8 @@ class Option:
                 got = f"its default is {shown(self.default)}"
                 raise InputError(f"{what}: {which} is for numbers, and {got}; leave it out.")
             if bound is not None:
-                finite_number(bound, f"{what}: {which}")
+                number = finite_number(bound, f"{what}: {which}")
+                object.__setattr__(self, which, int(bound) if is_whole(bound) else float(number))
         choices = tuple(self.choices)
         object.__setattr__(self, "choices", ())
         object.__setattr__(self, "choices", tuple(self.checked(value) for value in choices))
@@ -91,13 +93,12 @@ class Option:
         if self.choices:
             return _listed([*map(option_text, self.choices)], "or")
         if self._kind in ("truth", "text"):
-            return {"truth": "yes or no", "text": "a text of printable characters"}[self._kind]
+            return {"truth": "yes or no", "text": "printable text, without spaces at its ends"}[self._kind]
         kind = "a whole number" if self._kind == "whole" else "a number"
         if self.least is None or self.most is None:
-            return kind + "".join(
-                f" {sign} {bound:,}" for sign, bound in ((">=", self.least), ("<=", self.most)) if bound is not None
-            )
-        return f"{kind} from {self.least:,} to {self.most:,}"
+            bounds = (">=", self.least), ("<=", self.most)
+            return kind + "".join(f" {sign} {_typed(bound)}" for sign, bound in bounds if bound is not None)
+        return f"{kind} from {_typed(self.least)} to {_typed(self.most)}"
 
     def record(self) -> dict[str, Any]:
         """Return the option as values for JSON."""
@@ -129,19 +130,18 @@ class Option:
         if kind != self._kind and (kind, self._kind) != ("whole", "number"):
             return None
         if kind in ("truth", "text"):
-            return str(value) if kind == "text" else bool(value)
+            own = str(value) if kind == "text" else bool(value)
+            return own if is_option_value(own) else None
         if self._kind == "number" and abs(value) > sys.float_info.max:
             return None
         number = int(value) if self._kind == "whole" else float(value)
         inside = (self.least is None or number >= self.least) and (self.most is None or number <= self.most)
-        return number if inside else None
+        return number if inside and is_option_value(number) else None
 
 
-def option_text(value: Any) -> str:
-    """Return the value of an option as it is typed."""
-    from orbits.archive.origin import option_text as text  # imports NumPy, which the start of the command line avoids
-
-    return text(value)
+def _typed(bound: float) -> str:
+    """Return a bound as it is typed."""
+    return str(int(bound)) if bound == int(bound) and abs(bound) <= LARGEST else str(bound)
 
 
 def checked_options(options: Any, of: str) -> tuple[Option, ...]:
@@ -184,7 +184,7 @@ def named(options: Sequence[Option], name: Any, of: str) -> Option:
     known = [each.name for each in options]
     hint = _did_you_mean(name, known) if isinstance(name, str) else ""
     if name in _OF_ALL:
-        hint = f" Every scenario takes --{name}, without --set."
+        hint = f" `orbits run` takes --{name}, without --set."
     if not known:
         raise UnknownNameError(f"{of!r} has no options of its own, and so no option {shown(name)}.{hint}")
     told = "its only option is" if len(known) == 1 else "its options are"
@@ -216,28 +216,26 @@ def _kind_of(value: Any) -> str | None:
         return "truth"
     if isinstance(value, str):
         return "text" if value.isprintable() else None
-    from orbits.checks import has_unit, is_whole  # imports NumPy, which the start of the command line avoids
+    import numpy as np  # not before it is needed: the start of the command line avoids it
 
+    from orbits.checks import is_whole
+
+    if isinstance(value, np.bool_):
+        return "truth"
     if is_whole(value):
         return "whole"
-    try:
-        plain = not has_unit(value) and isinstance(value, float) and math.isfinite(value)
-    except (TypeError, ValueError):
-        return None
-    return "number" if plain else None
+    return "number" if isinstance(value, float | np.floating) and np.isfinite(value) else None
 
 
 def _number(text: str, *, whole: bool) -> Any:
     """Return the number that was typed, "1e4" as a whole one too; the text, if it is no such number."""
     try:
-        return int(text) if whole else float(text)
-    except ValueError:
-        pass
-    try:
-        number = float(text)
-    except ValueError:
+        if not whole:
+            return float(text)
+        number = Decimal(text)  # of floats, not all that are large are what was typed
+        return int(number) if number.adjusted() < 20 and number == number.to_integral_value() else text
+    except (ValueError, InvalidOperation, OverflowError):
         return text
-    return int(number) if number.is_integer() else text
 
 
 def _listed(words: Sequence[str], last: str) -> str:

@@ -20,6 +20,7 @@ from orbits.errors import (
     StepWarning,
     shown,
 )
+from orbits.option_values import options_text
 from orbits.scenario.definition import MIND, CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -297,7 +298,6 @@ def _refuse_other_options(scenario: Scenario, path: Path) -> None:
     """Raise InputError if `path` has an unfinished run of the same scenario with other options, which would be lost."""
     from orbits.archive import Archive
     from orbits.archive.ended import FAILED
-    from orbits.archive.origin import options_text
 
     try:
         with Archive.open(path) as old:

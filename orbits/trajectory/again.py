@@ -148,8 +148,8 @@ class MarchedAgain:
         """Return the closest approaches of bodies between the start and the last step.
 
         They include all flybys within the reach of a body, each with the error it causes at the end of the run.
-        Distances are looked at as often as the relative motion asks for. One that other bodies make oscillate faster,
-        such as that of a far body from a star that its inner planets move, is known to the amplitude of this.
+        The distance of a body far out from a star whose inner planets make it swing is known to the amplitude of this
+        swing: one looks as often as the body itself moves.
         Raises InputError for a trajectory that was not made by `propagate` or `resume`.
         """
         run: Trajectory = self  # type: ignore[assignment]

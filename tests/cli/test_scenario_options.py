@@ -125,7 +125,7 @@ def test_a_campaign_takes_options_and_a_plan_has_none() -> None:
         (["run", "pair.py", "--set", "a"], "--set 'a': expected NAME=VALUE, such as --set a=1.0."),
         (["compare", "pair.py", "--set", "a=0"], "option 'a' of 'pair' is 0.0; expected a number >= 0.1."),
         (["run", "kepler", "--set", "a=3"], "'kepler' has no options of its own, and so no option 'a'."),
-        (["run", "kepler", "--set", "dt=3"], "no option 'dt'. Every scenario takes --dt, without --set."),
+        (["run", "kepler", "--set", "dt=3"], "no option 'dt'. `orbits run` takes --dt, without --set."),
         (["run", "pendulum", "--set", "a=3"], "'pendulum' is a study, which has no options of its own"),
         (["certify", "pendulum", "--set", "a=3"], "'pendulum' is a study, which has no options of its own"),
         (["resume", "pair.h5", "--set", "a=3"], "No such option: --set"),

@@ -20,7 +20,11 @@ def done(name):
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize("name", RUNS)
+QUICK = "chosen_steps", "constant_steps"
+"""What is not compiled for these tests alone."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in RUNS])
 def test_kernels_touch_no_memory_behind_their_arrays(name):
     process = done(name)
     assert process.returncode == 0, process.stderr

@@ -301,7 +301,7 @@ def test_integrators_are_read_as_people_type_them(text, expected):
     [
         ("gaus", "did you mean gauss"),
         ("gauss(steps=3)", "it knows: stages"),
-        ("gauss(0)", "needs stages"),
+        ("gauss(0)", "needs a whole number of stages between 1 and 32, got 0"),
         ("wisdom-holman(kernel=idle)", "kernel is 'idle'; expected 'modified-kick', 'lazy' or 'standard'"),
         ("composition(verle)", "did you mean stormer-verlet"),
         ("gauss(stages=__import__('os'))", "no integrator is called '__import__'"),

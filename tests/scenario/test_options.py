@@ -17,10 +17,11 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits.archive import Archive
-from orbits.archive.origin import Origin, option_text
+from orbits.archive.origin import Origin
 from orbits.ensemble import command as campaigns
 from orbits.ensemble import run as run_campaign
 from orbits.errors import ArchiveError, InputError, Interrupted, UnknownNameError
+from orbits.option_values import LARGEST, option_text
 from orbits.propagation import sample_store
 from orbits.scenario import bundled, load, perform
 from orbits.scenario.certificates import certify_scenario, to_record
@@ -90,13 +91,16 @@ def test_a_value_is_read_as_people_type_it_and_has_the_type_of_the_default(optio
         (COUNT, "2.5", "is '2.5'; expected a whole number >= 1."),
         (COUNT, "nan", "is 'nan'; expected a whole number"),
         (COUNT, "1e400", "is '1e400'; expected a whole number"),
+        (COUNT, "1e19", "expected a whole number"),
+        (COUNT, "1.0000000000000000001", "is '1.0000000000000000001'; expected a whole number"),
+        (COUNT, "1e-400", "is '1e-400'; expected a whole number"),
         (COUNT, "9" * 5000, "9...; expected a whole number"),
         (COUNT, "many", "is 'many'; expected a whole number"),
         (SHARE, "1.5", "is 1.5; expected a number from 0 to 1."),
         (SHARE, "nan", "is nan; expected a number from 0 to 1."),
         (SHARE, "half", "is 'half'; expected a number from 0 to 1."),
         (LOUD, "perhaps", "is 'perhaps'; expected yes or no."),
-        (WORD, "a\nb", "expected a text of printable characters."),
+        (WORD, "a\nb", "expected printable text, without spaces at its ends."),
         (orbits.Option("order", 2, choices=(2, 4, 6), help="an order"), "3", "is 3; expected 2, 4 or 6."),
         (orbits.Option("most", 2, most=5, help="a bound"), "6", "is 6; expected a whole number <= 5."),
     ],
@@ -112,6 +116,8 @@ def test_a_value_that_cannot_be_says_what_is_expected_and_what_is_near(option, t
     [
         ({"name": "Count"}, "the name of an option is 'Count'; expected lower-case letters"),
         ({"name": 3}, "the name of an option is 3"),
+        ({"name": "dt"}, "option 'dt': every scenario has --dt; give the option another name"),
+        ({"help": "red\x1b[31m"}, "help must be one line"),
         ({"default": None}, "its default is None; expected a text, a finite number, or True or False"),
         ({"default": float("inf")}, "its default is inf"),
         ({"default": 3 * u.au}, "its default is "),
@@ -120,7 +126,7 @@ def test_a_value_that_cannot_be_says_what_is_expected_and_what_is_near(option, t
         ({"choices": (1, "x")}, "option 'count' is 'x'; expected a whole number"),
         ({"choices": (1, 2)}, "option 'count' is 100; expected 1 or 2."),
         ({"least": "1"}, "least must be a real number"),
-        ({"least": 1000}, "option 'count' is 100; expected a whole number >= 1,000."),
+        ({"least": 1000}, "option 'count' is 100; expected a whole number >= 1000."),
         ({"default": "x", "most": 3}, "most is for numbers, and its default is 'x'; leave it out"),
     ],
 )
@@ -130,7 +136,19 @@ def test_a_declaration_that_contradicts_itself_is_refused(given, message) -> Non
     assert message in str(error.value)
 
 
+@pytest.mark.parametrize("value", [10**5000, " x", np.inf], ids=["huge", "space", "inf"])
+def test_a_value_that_could_not_be_typed_is_refused(value) -> None:
+    option = orbits.Option("word", "x", help="a text") if isinstance(value, str) else COUNT
+    with pytest.raises(InputError, match="expected"):
+        option.checked(value)
+
+
 def test_numbers_of_numpy_become_pythons_own() -> None:
+    bounded = orbits.Option("count", 3, least=np.int64(1), most=1e6, help="number")
+    assert json.loads(json.dumps(bounded.record()))["least"] == 1
+    assert bounded.expected == "a whole number from 1 to 1000000"
+    assert SHARE.checked(np.float32(0.5)) == 0.5
+    assert LOUD.checked(np.True_) is True
     option = orbits.Option("count", np.int64(7), choices=np.arange(6, 9).tolist(), help="number")
     assert type(option.default) is int
     assert type(pair(options=[option], dt=0.1).with_options(count=np.int32(8)).chosen["count"]) is int
@@ -143,7 +161,7 @@ def test_numbers_of_numpy_become_pythons_own() -> None:
         (["=3"], "--set '=3': expected NAME=VALUE"),
         (["conut=3"], "'belt' has no option 'conut'; its options are planets, count, share, loud and word. Did you"),
         (["count=3", "count=4"], "--set count is given twice, the second time as '4'; give it once."),
-        (["duration=3"], "Every scenario takes --duration, without --set."),
+        (["duration=3"], "`orbits run` takes --duration, without --set."),
     ],
 )
 def test_what_is_no_name_and_value_is_refused_in_words(typed, message) -> None:
@@ -164,21 +182,24 @@ def test_whatever_is_typed_after_set_is_read_or_refused(typed) -> None:
         {},
         optional={
             "planets": st.sampled_from(PLANETS.choices),
-            "count": st.integers(1, 10**300),
+            "count": st.integers(1, LARGEST),
             "share": st.floats(0.0, 1.0),
             "loud": st.booleans(),
-            "word": st.text(st.characters(exclude_categories=["C", "Z"])),
+            "word": st.text(st.characters(exclude_categories=["C", "Z"], include_characters=" ,=$")).map(str.strip),
         },
     )
 )
 def test_values_are_typed_read_and_archived_without_a_change(values) -> None:
     assert read_options(ALL, [f"{name}={option_text(value)}" for name, value in values.items()], "belt") == values
-    origin = Origin("belt", values)
+    origin = Origin("belt", {"count": 3, **values})
     assert Origin.from_json(origin.to_json()) == origin
 
 
 @pytest.mark.parametrize(
     "text", ["", "3", "{}", '{"scenario": 3, "options": {}}', '{"scenario": "x", "options": [3]}', "[" * 9999,
+             '{"scenario": "x", "options": [["a", 1]]}', '{"scenario": "x", "options": {"a": "\\ud800"}}',
+             '{"scenario": "x\\u001b[31m", "options": {"a": 1}}', '{"scenario": "x", "options": {"a": NaN}}',
+             '{"scenario": "x", "options": {"a": 1e999}}', '{"scenario": "x", "options": {"A b": 1}}',
              '{"scenario": "x", "options": {"a": null}}', '{"scenario": "x", "options": {}, "more": 3}'],
 )  # fmt: skip
 def test_a_scenario_that_no_run_writes_is_refused(text) -> None:
