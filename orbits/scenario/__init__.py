@@ -8,6 +8,7 @@ performing    integrate, compare, check, draw, and write the results folder
 certificates  certify the methods of a scenario on its own problems
 typed         read quantities and methods as typed on a command line
 files         which files of a results folder may be replaced
+unfinished    runs in a results folder that are not complete: go on with this one, lose no other
 command       the options of `orbits run` and of `python scenarios/NAME.py`; errors as single lines
 """
 

@@ -35,9 +35,7 @@ class Listed:
 def bundled() -> tuple[Listed, ...]:
     """Return the bundled scenarios in alphabetical order, read from their files without running them."""
     return tuple(
-        _listed(path)
-        for path in sorted(resources.scenarios_dir().glob("*.py"))
-        if not path.stem.startswith("_")
+        _listed(path) for path in sorted(resources.scenarios_dir().glob("*.py")) if not path.stem.startswith("_")
     )
 
 

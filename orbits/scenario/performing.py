@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from orbits.errors import (
-    ArchiveError,
     InputError,
     IntegrationError,
     OrbitsError,
@@ -20,12 +19,12 @@ from orbits.errors import (
     StepWarning,
     shown,
 )
-from orbits.option_values import options_text
 from orbits.scenario.definition import MIND, CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 from orbits.scenario.parts import Parts, identity
 from orbits.scenario.study import Study, StudyOutcome, StudyResult
+from orbits.scenario.unfinished import is_this_one, refuse_another
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -73,7 +72,8 @@ def perform(
     """Run a scenario and write its results.
 
     out : results folder, ./results/NAME by default. Files of an earlier run are replaced, other files never. If the
-        same run was interrupted by Ctrl-C, it is continued, as is a study that keeps its parts
+        same run was interrupted by Ctrl-C, it is continued, as is a study that keeps its parts; another run that is
+        not complete is refused, as it would be lost
     plot : whether to draw
     progress : as in `propagate`; say : receives messages about the progress, one line each
     heartbeat, wall_time : lines about each run of a scenario, and the limit that all of them keep together
@@ -94,13 +94,16 @@ def perform(
     complaints: list[str] = []
     archives = {name: folder / f"run{'-' + slug(name) if name else ''}.h5" for name in systems}
     replaceable(folder / "report.json")  # before the long runs, not after them
-    for archive in archives.values():
-        _refuse_other_options(scenario, archive)
+    grids = {
+        name: TimeGrid.of(system, step, duration=scenario.duration, samples=scenario.samples)
+        for name, system in systems.items()
+    }
     for name, system in systems.items():
-        grid = TimeGrid.of(system, step, duration=scenario.duration, samples=scenario.samples)
-        for method in scenario.integrators:  # before the runs
-            grid.clock.check(method)
-        pace = progress, heartbeat, wall_time
+        for method in scenario.integrators:
+            grids[name].clock.check(method)
+        refuse_another(scenario, system, grids[name], archives[name])
+    for name, system in systems.items():
+        grid, pace = grids[name], (progress, heartbeat, wall_time)
         runs = _runs(scenario, name, system, grid, archives[name], pace, say, complaints)
         files.append(archives[name])
         cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, grid, runs, progress, say))
@@ -229,7 +232,7 @@ def _runs(
     for method in scenario.integrators:
         task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
         first = not runs
-        unfinished = first and _interrupted(scenario, system, grid, archive)
+        unfinished = first and is_this_one(scenario, system, grid, archive)
         say(f"{task}, going on with the unfinished run in {archive}" if unfinished else task)
         try:
             with _minding(say):
@@ -273,45 +276,6 @@ def _minding(say: Say) -> Iterator[None]:
         finally:
             for warning in caught:
                 say(f"{MIND}{warning.message}")
-
-
-def _interrupted(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> bool:
-    """Whether `path` has this same run, interrupted, so that continuing it gives the bits of an uninterrupted run."""
-    from orbits import integrators
-    from orbits.archive import Archive
-    from orbits.propagation.marchers import differences
-
-    try:
-        with Archive.open(path) as old:
-            return (
-                not old.complete
-                and old.grid.is_that_of(grid)
-                and integrators.build(dict(old.integrator)) == scenario.integrators[0]
-                and old.system == system
-                and not differences(old.provenance)
-            )
-    except ArchiveError:
-        return False
-
-
-def _refuse_other_options(scenario: Scenario, path: Path) -> None:
-    """Raise InputError if `path` has an unfinished run of the same scenario with other options, which would be lost."""
-    from orbits.archive import Archive
-    from orbits.archive.ended import FAILED
-
-    try:
-        with Archive.open(path) as old:
-            origin, unfinished = old.origin, not old.complete and old.ended.how != FAILED
-    except ArchiveError:
-        return
-    mine = scenario.origin()
-    if not unfinished or origin is None or mine is None or origin.scenario != mine.scenario or origin == mine:
-        return
-    raise InputError(
-        f"{path} has an unfinished run with other options: {options_text(origin.options)}, instead of "
-        f"{options_text(mine.options)}. Complete it with: orbits resume {path}; or give another folder with --out, or "
-        "remove the file."
-    )
 
 
 def _report(

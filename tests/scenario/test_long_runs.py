@@ -56,9 +56,7 @@ def test_asteroids_that_are_not_in_resonance_fail_the_trojans(tmp_path, monkeypa
     bodies = orbits.System.solar_system(epoch=names["EPOCH"], bodies=list(GIANTS))
     rows = slice(len(GIANTS) - 1, None)
     chosen = {key: getattr(stolen, key)[rows] for key in ("e", "inc", "Omega", "omega", "M")}
-    moved = bodies.add(
-        list(stolen.names[rows]), primary="Sun", frame="ecliptic", a=1.05 * stolen.a[rows], **chosen
-    )
+    moved = bodies.add(list(stolen.names[rows]), primary="Sun", frame="ecliptic", a=1.05 * stolen.a[rows], **chosen)
     outcome = perform(scenario.with_changes(system=moved), out=tmp_path, plot=False)
     assert "the Trojans stay about L4 and L5" in failed(outcome)
 

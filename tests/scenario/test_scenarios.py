@@ -222,9 +222,7 @@ def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
     assert (tmp_path / "run.h5").read_bytes() != first
 
 
-@pytest.mark.parametrize("dt", [0.05, None], ids=["constant steps", "adaptive steps"])
-@pytest.mark.parametrize("changes", [{}, {"dt": 0.025}], ids=["the same", "with another step"])
-def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_another(tmp_path, dt, changes, monkeypatch):
+def stopped_by_ctrl_c(scenario, folder, monkeypatch):
     add = sample_store.SampleStore.add
 
     def add_then_stop(self, q, v):
@@ -233,15 +231,41 @@ def test_running_again_after_ctrl_c_goes_on_with_the_same_run_and_replaces_anoth
 
     monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
     with pytest.raises(Interrupted):
-        perform(pair(dt=dt), out=tmp_path / "stopped")
+        perform(scenario, out=folder)
     monkeypatch.undo()
-    said, changes = [], {"dt": dt, **changes}
-    again = perform(pair(**changes), out=tmp_path / "stopped", say=said.append)
-    undisturbed = perform(pair(**changes), out=tmp_path / "whole")
-    assert any("going on with the unfinished run" in line for line in said) is (changes["dt"] == dt)
+
+
+@pytest.mark.parametrize("dt", [0.05, None], ids=["constant steps", "adaptive steps"])
+def test_running_again_after_ctrl_c_goes_on_with_the_same_run(tmp_path, dt, monkeypatch):
+    stopped_by_ctrl_c(pair(dt=dt), tmp_path / "stopped", monkeypatch)
+    said = []
+    again = perform(pair(dt=dt), out=tmp_path / "stopped", say=said.append)
+    undisturbed = perform(pair(dt=dt), out=tmp_path / "whole")
+    assert any("going on with the unfinished run" in line for line in said)
     assert again.run.complete
     for ours, theirs in ((again.run.q, undisturbed.run.q), (again.run.v, undisturbed.run.v)):
         assert ours.value.tobytes() == theirs.value.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "told"),
+    [
+        ({}, {"dt": 0.025}, "other steps: dt = 0.05 instead of dt = 0.025."),
+        ({"dt": None}, {}, r"other steps: adaptive steps \(tolerance .*\) instead of dt = 0.05."),
+        ({"duration": 3.0}, {}, "other end: 3 instead of 2."),
+        ({"duration": 2.0000001}, {}, "other end."),
+        ({"samples": 7}, {}, "other samples: 7 instead of 5."),
+        ({"integrators": [orbits.Gauss(stages=3)], "dt": 0.1}, {},
+         r"other method: Gauss\(stages=3\) instead of .*, other steps: dt = 0.1 instead of dt = 0.05."),
+        ({"system": pair().system.barycentric()}, {}, "other bodies or states."),
+    ],
+)  # fmt: skip
+def test_an_unfinished_run_is_not_lost_to_another(tmp_path, before, now, told, monkeypatch):
+    stopped_by_ctrl_c(pair(**before), tmp_path, monkeypatch)
+    kept = (tmp_path / "run.h5").read_bytes()
+    with pytest.raises(InputError, match=f"run.h5 has an unfinished run with {told} Complete it with: orbits resume"):
+        perform(pair(**now), out=tmp_path)
+    assert (tmp_path / "run.h5").read_bytes() == kept
 
 
 @pytest.mark.parametrize("name", ["run.h5", "report.json", "run.png"])
