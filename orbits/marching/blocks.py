@@ -29,7 +29,7 @@ from orbits.marching.failures import failure_of_bodies, last_good, meeting, refu
 from orbits.marching.hand_over import PART
 from orbits.marching.losses import Contact, Suspect
 from orbits.marching.own_clocks import REACHED
-from orbits.marching.passage_list import PassageList
+from orbits.marching.passage_list import Kept, PassageList
 from orbits.marching.retirement import HIT, Lost, Retired, earlier, hit, kind_of
 from orbits.marching.watcher import Watcher
 
@@ -79,7 +79,7 @@ class Blocks:
         _judges_encounters: bool
         _keep: Callable[[Array, Array, Array], None] | None
         _lengths: Array
-        _listed: tuple[Array, int]
+        _listed: Kept
         _loops: BoundLoops
         _massive: NDArray[np.intp]
         _meeting_of_planets: kepler_passages.Meeting | None
@@ -369,7 +369,7 @@ class Blocks:
         else:
             self._backup = {name: array.copy() for name, array in self._state.items()}
         self._counts = self.evaluations, self.particle_evaluations
-        self._listed = self._passages.passages, self._passages.left_out
+        self._listed = self._passages.keep()
 
     def _can_be_taken(self, steps: int) -> bool:
         """Return whether `steps` steps of the block that has just failed can be taken, after taking them."""
@@ -384,7 +384,7 @@ class Blocks:
         for name, array in self._state.items():
             np.copyto(array, self._backup[name])
         self.evaluations, self.particle_evaluations = self._counts
-        self._passages.passages, self._passages.left_out = self._listed
+        self._passages.put_back(self._listed)
         self._retired.begin()
         self._arrived, self._block = False, (0, self.time)
         self._encountered, self._meeting_of_planets, self._deep = None, None, np.zeros((0, COLUMNS))

@@ -586,11 +586,11 @@ class Marcher(Blocks):
         kind = self._loops.kind
         if kind not in _COMPILED:
             before = self.evaluations, self.particle_evaluations
-            listed = self._passages.passages, self._passages.left_out
+            listed = self._passages.keep()
             with suppress(IntegrationError):
                 self._march_block({name: array.copy() for name, array in self._state.items()}, self.clock, 1)
             self.evaluations, self.particle_evaluations = before
-            self._passages.passages, self._passages.left_out = listed
+            self._passages.put_back(listed)
             _COMPILED.add(kind)
 
     def close(self) -> None:

@@ -21,6 +21,9 @@ so that the list does not depend on the number of threads."""
 ROOM, ROOM_PER_BODY = 256, 2
 """The number of passages of each kind, revolutions and flybys, that are kept: those of the largest angle in a step."""
 
+PENDING_BLOCKS = 64
+"""The most blocks whose passages wait to be merged with the list: that takes the longer the longer the list is."""
+
 UNKNOWN = -1
 """The number of passages left out of a list that begins in the middle of a march."""
 
@@ -37,8 +40,16 @@ class BlockList(NamedTuple):
         return cls(np.empty((BLOCK_ROOM, COLUMNS)), listed)
 
 
+class Kept(NamedTuple):
+    """What a list had at a time: its passages in the order of time, how many were left out, and those not merged."""
+
+    passages: Array
+    left_out: int
+    pending: tuple[Array, ...]
+
+
 class PassageList:
-    """The passages of a march so far, in the order of time; `add` replaces arrays and never changes them.
+    """The passages of a march so far; `add` replaces arrays and never changes them.
 
     gm : (rows,), of the massive bodies, then of the massless particles
     dominant : the row of the body that dominates the others, or -1
@@ -54,8 +65,27 @@ class PassageList:
         rate = math.inf if clock.changes else passage_angle / abs(clock.h)
         self._gm, self._dominant, self._rate2, self._clock = gm, dominant, rate * rate, clock
         self._room = ROOM + ROOM_PER_BODY * len(gm)
-        self.passages: Array = np.empty((0, COLUMNS))
-        self.left_out = 0
+        self._known = Kept(np.empty((0, COLUMNS)), 0, ())
+
+    @property
+    def passages(self) -> Array:
+        """The passages so far, in the order of time, (passages, COLUMNS)."""
+        self._merge()
+        return self._known.passages
+
+    @property
+    def left_out(self) -> int:
+        """How many passages were found for which there is no room; -1 if that is not known."""
+        self._merge()
+        return self._known.left_out
+
+    def keep(self) -> Kept:
+        """Return what is in the list now, for `put_back`."""
+        return self._known
+
+    def put_back(self, kept: Kept) -> None:
+        """Return to what was in the list before."""
+        self._known = kept
 
     def add(self, blocks: list[BlockList]) -> None:
         """Add the lists of a block and empty them; passages that did not fit into them are counted."""
@@ -66,14 +96,23 @@ class PassageList:
         for _, listed in blocks:
             listed[:] = 0
         central = (new[:, ROW] == self._dominant) | (new[:, MATE] == self._dominant)  # already selected by the kernel
-        known = np.concatenate([self.passages, new[central | ~self._is_revolution(new) | self._is_fast(new)]])
+        new = new[central | ~self._is_revolution(new) | self._is_fast(new)]
+        passages, left_out, pending = self._known
+        self._known = Kept(passages, _more(left_out, missed), (*pending, new) if len(new) else pending)
+        waiting = self._known.pending
+        if len(waiting) > PENDING_BLOCKS or 2 * sum(map(len, waiting)) > self._room:
+            self._merge()
+
+    def _merge(self) -> None:
+        """Merge the passages of the last blocks with the list, and leave out those for which there is no room."""
+        passages, left_out, pending = self._known
+        if not pending:
+            return
+        known = np.concatenate([passages, *pending])
         revolution = self._is_revolution(known)
-        kept = [self._worst(known[kind]) for kind in (revolution, ~revolution)]
-        missed += len(known) - sum(len(kind) for kind in kept)
-        if self.left_out != UNKNOWN:
-            self.left_out += missed
-        known = np.concatenate(kept)
-        self.passages = known[np.lexsort((known[:, MATE], known[:, ROW], np.abs(known[:, WHEN])))]
+        kept = np.concatenate([self._worst(known[kind]) for kind in (revolution, ~revolution)])
+        in_order = kept[np.lexsort((kept[:, MATE], kept[:, ROW], np.abs(kept[:, WHEN])))]
+        self._known = Kept(in_order, _more(left_out, len(known) - len(kept)), ())
 
     @staticmethod
     def overflows(blocks: list[BlockList]) -> bool:
@@ -85,14 +124,14 @@ class PassageList:
         """Return the list as arrays of a fixed shape; {} for a march that began without one."""
         if self.left_out == UNKNOWN:
             return {}
-        padded = np.zeros((2 * self._room, COLUMNS))
-        padded[: len(self.passages)] = self.passages
-        return {"passages": padded, "passage_counts": np.array([len(self.passages), self.left_out], dtype=np.int64)}
+        passages, padded = self.passages, np.zeros((2 * self._room, COLUMNS))
+        padded[: len(passages)] = passages
+        return {"passages": padded, "passage_counts": np.array([len(passages), self.left_out], dtype=np.int64)}
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
         """Restore a checkpoint; those of earlier versions have no list. Raises InputError for an invalid list."""
         if "passages" not in checkpoint:
-            self.passages, self.left_out = np.empty((0, COLUMNS)), UNKNOWN
+            self._known = Kept(np.empty((0, COLUMNS)), UNKNOWN, ())
             return
         count, left_out = (int(x) for x in checkpoint["passage_counts"])
         passages, steps = np.array(checkpoint["passages"][: max(count, 0)], dtype=np.float64), checkpoint["counts"][0]
@@ -106,7 +145,7 @@ class PassageList:
             fits = fits and bool(((when >= step) & (when <= step + 1)).all())
         if not fits or (passages[:, [LEAST2, FASTEST2]] < 0.0).any():
             raise InputError("the list of passages in its checkpoint has impossible bodies, steps or numbers.")
-        self.passages, self.left_out = passages, left_out
+        self._known = Kept(passages, left_out, ())
 
     def _is_revolution(self, passages: Array) -> NDArray[np.bool_]:
         """Return which passages are of two bound bodies: about the dominant body, or on an ellipse within its Hill
@@ -138,3 +177,7 @@ class PassageList:
         with np.errstate(all="ignore"):
             rate = passages[:, FASTEST2] / passages[:, LEAST2]
         return passages[np.lexsort((passages[:, ROW], np.abs(passages[:, WHEN]), -rate))[: self._room]]
+
+
+def _more(left_out: int, missed: int) -> int:
+    return left_out if left_out == UNKNOWN else left_out + missed
