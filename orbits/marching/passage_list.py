@@ -176,7 +176,8 @@ class PassageList:
             return passages
         with np.errstate(all="ignore"):
             rate = passages[:, FASTEST2] / passages[:, LEAST2]
-        return passages[np.lexsort((passages[:, ROW], np.abs(passages[:, WHEN]), -rate))[: self._room]]
+        order = np.lexsort((passages[:, MATE], passages[:, ROW], np.abs(passages[:, WHEN]), -rate))
+        return passages[order[: self._room]]
 
 
 def _more(left_out: int, missed: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Callable, Generator
 from contextlib import nullcontext, suppress
@@ -306,7 +307,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     if _was_stopped(stop, trajectory, watch):
         at = with_unit(f"{marcher.time:,.6g} of {grid.end:,.6g}", system.units.time)
         how = (
-            f"go on with: orbits resume {writer.path}"
+            f"go on with: orbits resume {shlex.quote(str(writer.path))}"
             if writer is not None
             else "nothing was stored; give archive=... to be able to resume"
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -89,7 +90,7 @@ def text(file: Path, run: Trajectory) -> str:
     if not run.complete and not running:
         functions = any(event["given"] is None or "does" in event for event in sought)
         python = f"orbits.resume({str(file)!r}, events=[...]), in Python: an archive cannot hold functions"
-        parts.append(f"not complete: go on with  {python if functions else f'orbits resume {file}'}")
+        parts.append(f"not complete: go on with  {python if functions else f'orbits resume {shlex.quote(str(file))}'}")
     return "\n\n".join(parts)
 
 

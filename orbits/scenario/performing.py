@@ -8,11 +8,12 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, overload
 
 from orbits.errors import (
     InputError,
     IntegrationError,
+    Interrupted,
     OrbitsError,
     OutOfTime,
     RetiredWarning,
@@ -24,7 +25,7 @@ from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 from orbits.scenario.parts import Parts, identity
 from orbits.scenario.study import Study, StudyOutcome, StudyResult
-from orbits.scenario.unfinished import is_this_one, refuse_another
+from orbits.scenario.unfinished import COMPLETE, UNFINISHED, alone_in, refuse_another, this_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,6 +38,9 @@ if TYPE_CHECKING:
 
 
 Say = Callable[[str], None]
+
+Pace: TypeAlias = "tuple[bool | None, Heartbeat | None, Deadline | None]"
+"""How a run tells its progress, and when it ends: `progress`, `heartbeat` and `wall_time` of `perform`."""
 
 
 @overload
@@ -85,6 +89,11 @@ def perform(
     folder = results_folder(out or Path("results") / scenario.name)
     if isinstance(scenario, Study):
         return _perform_study(scenario, folder, plot, say)
+    with alone_in(folder):
+        return _perform(scenario, folder, plot, (progress, heartbeat, wall_time), say)
+
+
+def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Say) -> Outcome:
     from orbits.time_grid import TimeGrid
 
     with located():
@@ -92,21 +101,23 @@ def perform(
     cases: dict[str, CaseOutcome] = {}
     files: list[Path] = []
     complaints: list[str] = []
-    archives = {name: folder / f"run{'-' + slug(name) if name else ''}.h5" for name in systems}
-    replaceable(folder / "report.json")  # before the long runs, not after them
     grids = {
         name: TimeGrid.of(system, step, duration=scenario.duration, samples=scenario.samples)
         for name, system in systems.items()
     }
+    archives = {name: folder / f"run{'-' + slug(name) if name else ''}.h5" for name in systems}
+    replaceable(folder / "report.json")  # before the long runs, not after them
     for name, system in systems.items():
         for method in scenario.integrators:
             grids[name].clock.check(method)
         refuse_another(scenario, system, grids[name], archives[name])
+    kept = {name: this_run(scenario, system, grids[name], archives[name]) for name, system in systems.items()}
     for name, system in systems.items():
-        grid, pace = grids[name], (progress, heartbeat, wall_time)
-        runs = _runs(scenario, name, system, grid, archives[name], pace, say, complaints)
+        known = kept[name] if UNFINISHED in kept.values() else ""
+        runs = _runs(scenario, name, system, grids[name], (archives[name], known), pace, say, complaints)
         files.append(archives[name])
-        cases[name] = CaseOutcome(name, system, runs, _report(scenario, name, system, grid, runs, progress, say))
+        report = _report(scenario, name, system, grids[name], runs, pace[0], say)
+        cases[name] = CaseOutcome(name, system, runs, report)
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
         checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
@@ -218,32 +229,41 @@ def _runs(
     name: str,
     system: System,
     grid: TimeGrid,
-    archive: Path,
-    pace: tuple[bool | None, Heartbeat | None, Deadline | None],
+    kept: tuple[Path, str],
+    pace: Pace,
     say: Say,
     failures: list[str],
 ) -> Mapping[str, Trajectory]:
-    """Run every method. One whose step fails is listed in `failures` and keeps the samples before."""
+    """Run every method. One whose step fails is listed in `failures` and keeps the samples before.
+
+    kept : the archive of the first method, and what it has of this run: see `this_run`
+    """
     from orbits.propagation.run import propagated, resume
 
     runs: dict[str, Trajectory] = {}
+    archive, has = kept
     progress, heartbeat, wall_time = pace
     pacing: dict[str, Any] = {"progress": progress, "heartbeat": heartbeat, "wall_time": wall_time}
     for method in scenario.integrators:
         task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
         first = not runs
-        unfinished = first and is_this_one(scenario, system, grid, archive)
-        say(f"{task}, going on with the unfinished run in {archive}" if unfinished else task)
+        going_on = {
+            UNFINISHED: f", going on with the unfinished run in {archive}",
+            COMPLETE: f", complete in {archive}",
+        }
+        say(f"{task}{going_on.get(has, '') if first else ''}")
         try:
             with _minding(say):
-                if unfinished:
+                if first and has:
                     runs[method.label] = resume(archive, **pacing)
                 else:
+                    if first:  # what another process has begun since
+                        refuse_another(scenario, system, grid, archive)
                     runs[method.label] = propagated(
                         system,
                         method,
                         grid,
-                        archive=replaceable(archive) if first else None,
+                        archive=archive if first else None,
                         overwrite=True,
                         origin=scenario.origin() if first else None,
                         **pacing,
@@ -253,6 +273,13 @@ def _runs(
                 raise
             failures.append(f"{task}: {error}")
             runs[method.label] = error.trajectory
+        except Interrupted as stopped:
+            if first:
+                raise
+            done = str(stopped).partition(";")[0]
+            raise Interrupted(
+                f"{done}, in {task}; only the first method keeps its run", trajectory=stopped.trajectory
+            ) from None
         if wall_time is not None and wall_time.ended(runs[method.label]):
             raise _out_of_time(runs[method.label], task, first)
     return runs

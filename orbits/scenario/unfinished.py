@@ -2,87 +2,155 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import shlex
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from orbits.errors import ArchiveError, InputError, with_unit
-from orbits.option_values import options_text
+from orbits import errors
+from orbits.errors import ArchiveError, InputError, IntegrationError, OrbitsError, with_unit
+from orbits.option_values import option_text
 from orbits.scenario.definition import Scenario
+from orbits.scenario.files import replaceable
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
+    from orbits.archive.ended import Ended
     from orbits.integrators.base import Integrator
     from orbits.system import System
     from orbits.time_grid import TimeGrid
 
+UNFINISHED, COMPLETE = "unfinished", "complete"
 
-def is_this_one(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> bool:
-    """Return whether `path` has this same run, not complete, so that going on gives the bits of an uninterrupted
-    run.
-    """
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Keep other processes from running scenarios in a folder. Raises InputError if one does so already."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(
+                f"another process runs a scenario in {folder}; wait for it, or give another folder with --out."
+            ) from None
+        except OSError:  # a file system without locks: those of the archives are left
+            pass
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def this_run(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> str:
+    """Return `UNFINISHED` or `COMPLETE` if `path` has this same run, to the last bit; "" if it has not."""
     from orbits.archive import Archive
 
     try:
         with Archive.open(path) as old:
-            return not (old.complete or _differences(old, scenario, system, grid))
+            same = not (_differences(old, scenario, system, grid) or _changes(old))
+            return (COMPLETE if old.complete else UNFINISHED) if same else ""
     except ArchiveError:
-        return False
+        return ""
 
 
 def refuse_another(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> None:
-    """Raise InputError if `path` has another run that is not complete, which would be lost, or one that another process
-    is writing. A run that failed may be replaced.
+    """Raise InputError if `path` has another run that is not complete, one that another process is writing, or one that
+    cannot be read: it would be lost. A run that its method could not continue may be replaced.
     """
     from orbits.archive import Archive
-    from orbits.archive.ended import FAILED
 
+    if not replaceable(path).exists():
+        return
+    elsewhere = "give another folder with --out, or remove the file."
     try:
         with Archive.open(path) as old:
             if old.writer is not None:
                 who = f"process {old.writer}" if old.writer > 0 else "another process"
                 raise InputError(f"{path} is being written by {who}; wait for it, or give another folder with --out.")
-            found = [] if old.complete or old.ended.how == FAILED else _differences(old, scenario, system, grid)
-    except ArchiveError:
-        return
-    if found:
+            if old.complete or _failed(old.ended):
+                return
+            found, changes = _differences(old, scenario, system, grid), _changes(old)
+    except ArchiveError as error:
+        raise InputError(f"{error} It is not replaced: {elsewhere}") from None
+    if found or changes:
+        told = "; ".join([*found, *changes])
+        how = f"orbits resume {shlex.quote(str(path))}" + " --any-bits" * bool(changes)
         raise InputError(
-            f"{path} has an unfinished run with {', '.join(found)}. Complete it with: orbits resume {path}; or give "
-            "another folder with --out, or remove the file."
+            f"{path} has an unfinished run that is not this one: {told}. To complete it: {how}. Otherwise {elsewhere}"
         )
 
 
+def _failed(ended: Ended) -> bool:
+    """Return whether a run was ended by its own equations, not by a full disk or an exception of the user."""
+    from orbits.archive.ended import FAILED
+
+    kind = getattr(errors, ended.why.partition(":")[0], object)
+    return ended.how == FAILED and issubclass(kind, IntegrationError)
+
+
 def _differences(old: Archive, scenario: Scenario, system: System, grid: TimeGrid) -> list[str]:
-    """Return in words what is different in an archive, and in what it depends on, from this run."""
+    """Return in words what is different in the run of an archive from this one."""
     from orbits import integrators
-    from orbits.propagation.marchers import differences
 
     found = []
     its, mine = old.origin, scenario.origin()
-    if its is not None and its != mine:
-        same = mine is not None and its.scenario == mine.scenario
-        options = "" if mine is None else f"{options_text(its.options)}, instead of {options_text(mine.options)}"
-        found.append(f"other options: {options}" if same else f"another scenario: {its}")
-    before, now = integrators.build(dict(old.integrator)), scenario.integrators[0]
-    if before != now:
-        found.append(_other("method", before.label, now.label))
-    if old.grid.clock != grid.clock:
-        found.append(_other("steps", _steps(old.grid, before, system), _steps(grid, now, system)))
-    if old.grid.end != grid.end:
-        found.append(_other("end", *(with_unit(f"{one.end:g}", system.units.time) for one in (old.grid, grid))))
-    elif not found and not old.grid.is_that_of(grid):
-        found.append(_other("samples", f"{len(old.grid):,}", f"{len(grid):,}"))
-    if not found and old.system != system:
-        found.append("other bodies or states")
-    return found or [f"other last bits, for {change}" for change in differences(old.provenance)]
+    if its is not None and mine is not None and its.scenario == mine.scenario:
+        ours = dict(mine.options)
+        theirs = {name: value for name, value in its.options.items() if name not in ours or ours[name] != value}
+        if its != mine:
+            found.append(f"it has {_given(theirs)}, this one {_given({name: ours.get(name) for name in theirs})}")
+    elif its is not None:
+        found.append(f"it was made by the scenario {its}")
+    elif mine is not None:
+        found.append("it was made without options")
+    now = scenario.integrators[0]
+    try:
+        before = integrators.build(dict(old.integrator))
+    except OrbitsError:
+        found.append(f"it has a method that is not known here, {old.integrator['name']}")
+        before = None
+    if before not in (None, now):
+        found.append(f"it has {before.label}, this one {now.label}")
+    if old.system.units != system.units:
+        found.append("it has other units")
+    else:
+        if old.grid.clock != grid.clock:
+            found.append(f"it has {_steps(old.grid, before or now, system)}, this one {_steps(grid, now, system)}")
+        if old.grid.end != grid.end:
+            rounded = f"{old.grid.end:g}", f"{grid.end:g}"
+            its_end, end = rounded if rounded[0] != rounded[1] else (repr(old.grid.end), repr(grid.end))
+            unit = system.units.time
+            found.append(f"it ends at t = {with_unit(its_end, unit)}, this one at {with_unit(end, unit)}")
+        elif not found and not old.grid.is_that_of(grid):
+            many = f"{len(old.grid):,} samples, this one {len(grid):,}"
+            found.append("it has samples at other times" if len(old.grid) == len(grid) else f"it has {many}")
+        if not found and old.system != system:
+            found.append("it has other bodies, states or forces")
+    if old.events_text or old.steps is not None:
+        found.append("it was made by orbits.propagate, with " + ("events" if old.events_text else "dense output"))
+    return found
 
 
-def _other(what: str, its: str, mine: str) -> str:
-    return f"other {what}: {its} instead of {mine}" if its != mine else f"other {what}"
+def _changes(old: Archive) -> list[str]:
+    """Return in words what the last bits of a run depend on that has changed since."""
+    from orbits.propagation.marchers import differences
+
+    changed = differences(old.provenance)
+    return [f"it was made with a different {', '.join(changed)}; its last bits may come out differently here"] * bool(
+        changed
+    )
+
+
+def _given(options: Mapping[str, object]) -> str:
+    return ", ".join(f"{name}={option_text(value)}" if value != "" else f"{name}=''" for name, value in options.items())
 
 
 def _steps(grid: TimeGrid, method: Integrator, system: System) -> str:
     from orbits.marching.changing import ChangingSteps
 
     if isinstance(grid.clock, ChangingSteps):
-        return grid.clock.describe(method)
-    return f"dt = {with_unit(f'{grid.dt:g}', system.units.time)}"
+        return grid.clock.describe(method) + " backwards" * (grid.direction < 0.0)
+    return f"dt = {with_unit(f'{grid.h:g}', system.units.time)}"

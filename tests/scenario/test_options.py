@@ -286,7 +286,7 @@ def test_an_unfinished_run_goes_on_with_its_options_and_is_not_lost_to_others(tm
         perform(chosen, out=tmp_path)
     monkeypatch.undo()
     before = (tmp_path / "run.h5").read_bytes()
-    told = "an unfinished run with other options: a=2.0, fine=no, instead of a=1.0, fine=no"
+    told = "an unfinished run that is not this one: it has a=2.0, this one a=1.0. To complete it"
     with pytest.raises(InputError, match=told):
         perform(pair(), out=tmp_path)
     assert (tmp_path / "run.h5").read_bytes() == before

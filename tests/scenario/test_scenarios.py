@@ -10,6 +10,7 @@ import sys
 import textwrap
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from astropy import units as u
@@ -18,11 +19,13 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits import integrators
+from orbits.archive import Archive
 from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
-from orbits.propagation import sample_store
-from orbits.scenario import bundled, load, perform
+from orbits.propagation import marchers, sample_store
+from orbits.scenario import bundled, load, perform, performing
 from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock
+from orbits.scenario.unfinished import alone_in
 
 STUDIES = [
     *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight"),
@@ -250,22 +253,122 @@ def test_running_again_after_ctrl_c_goes_on_with_the_same_run(tmp_path, dt, monk
 @pytest.mark.parametrize(
     ("before", "now", "told"),
     [
-        ({}, {"dt": 0.025}, "other steps: dt = 0.05 instead of dt = 0.025."),
-        ({"dt": None}, {}, r"other steps: adaptive steps \(tolerance .*\) instead of dt = 0.05."),
-        ({"duration": 3.0}, {}, "other end: 3 instead of 2."),
-        ({"duration": 2.0000001}, {}, "other end."),
-        ({"samples": 7}, {}, "other samples: 7 instead of 5."),
+        ({}, {"dt": 0.025}, "it has dt = 0.05, this one dt = 0.025"),
+        ({"dt": None}, {}, r"it has adaptive steps \(tolerance .*\), this one dt = 0.05"),
+        ({"duration": 3.0}, {}, "it ends at t = 3, this one at 2"),
+        ({"duration": 2.0000001}, {}, "it ends at t = 2.0000001, this one at 2.0"),
+        ({"duration": -2.0}, {}, "it has dt = -0.05, this one dt = 0.05; it ends at t = -2, this one at 2"),
+        ({"samples": 7}, {}, "it has 7 samples, this one 5"),
         ({"integrators": [orbits.Gauss(stages=3)], "dt": 0.1}, {},
-         r"other method: Gauss\(stages=3\) instead of .*, other steps: dt = 0.1 instead of dt = 0.05."),
-        ({"system": pair().system.barycentric()}, {}, "other bodies or states."),
+         r"it has Gauss\(stages=3\), this one Gauss\(stages=4\); it has dt = 0.1, this one dt = 0.05"),
+        ({"system": pair().system.replaced(softening=0.01)}, {}, "it has other bodies, states or forces"),
+        ({"system": pair().system.barycentric()}, {}, "it has other bodies, states or forces"),
     ],
 )  # fmt: skip
 def test_an_unfinished_run_is_not_lost_to_another(tmp_path, before, now, told, monkeypatch):
     stopped_by_ctrl_c(pair(**before), tmp_path, monkeypatch)
     kept = (tmp_path / "run.h5").read_bytes()
-    with pytest.raises(InputError, match=f"run.h5 has an unfinished run with {told} Complete it with: orbits resume"):
+    remedy = "To complete it: orbits resume [^ ]*run.h5. Otherwise give another folder with --out"
+    with pytest.raises(InputError, match=f"run.h5 has an unfinished run that is not this one: {told}. {remedy}"):
         perform(pair(**now), out=tmp_path)
     assert (tmp_path / "run.h5").read_bytes() == kept
+
+
+def test_an_unfinished_run_by_another_version_is_not_lost_and_its_remedy_works(tmp_path, monkeypatch):
+    stopped_by_ctrl_c(pair(), tmp_path, monkeypatch)
+    now = marchers.provenance()
+    monkeypatch.setattr(marchers, "provenance", lambda: {**now, "numba": "99"})
+    changed = "it was made with a different numba .* -> 99; its last bits may come out differently here"
+    with pytest.raises(InputError, match=f"{changed}. To complete it: orbits resume .*run.h5 --any-bits. Otherwise"):
+        perform(pair(), out=tmp_path)
+    assert orbits.resume(tmp_path / "run.h5", same_bits=False).complete
+    assert perform(pair(), out=tmp_path).ok
+
+
+def test_an_unfinished_run_of_an_unknown_method_is_not_lost(tmp_path, monkeypatch):
+    stopped_by_ctrl_c(pair(), tmp_path, monkeypatch)
+    monkeypatch.setattr(Archive, "integrator", {"name": "mine", "parameters": {}})
+    with pytest.raises(InputError, match=r"run.h5 has an unfinished .*: it has a method that is not known here, mine"):
+        perform(pair(), out=tmp_path)
+
+
+def test_an_archive_that_cannot_be_read_is_not_replaced(tmp_path):
+    perform(pair(), out=tmp_path)
+    with h5py.File(tmp_path / "run.h5", "r+") as file:
+        file.attrs["orbits"] = "99"
+    with pytest.raises(InputError, match=r"run.h5.* It is not replaced: give another folder with --out, or remove"):
+        perform(pair(), out=tmp_path)
+
+
+def begin_another(path):
+    def stumble(time, system):
+        raise ValueError("a mistake of its user")
+
+    with pytest.raises(ValueError, match="a mistake"):
+        orbits.propagate(pair().system, orbits.Gauss(stages=4), dt=0.05, duration=3.0, archive=path, callback=stumble)
+
+
+def test_a_run_with_an_error_of_its_user_is_not_lost_but_one_whose_step_failed_is_replaced(tmp_path):
+    begin_another(tmp_path / "run.h5")
+    with pytest.raises(InputError, match="has an unfinished run that is not this one: it ends at t = 3, this one at 2"):
+        perform(pair(), out=tmp_path)
+    (tmp_path / "run.h5").unlink()
+    hopeless = pair(integrators=[orbits.Gauss(stages=8)], dt=8.0, duration=100.0)
+    assert not perform(hopeless, out=tmp_path).ok
+    assert perform(pair(), out=tmp_path).ok
+
+
+def test_a_run_that_is_being_written_and_a_folder_in_use_are_left_alone(tmp_path):
+    perform(pair(), out=tmp_path)
+    with contextlib.closing(Archive.claim(tmp_path / "run.h5")), pytest.raises(InputError, match="being written by"):
+        perform(pair(), out=tmp_path)
+    with alone_in(tmp_path), pytest.raises(InputError, match=r"another process runs a scenario in .*; wait for it"):
+        perform(pair(), out=tmp_path)
+    assert perform(pair(), out=tmp_path).ok
+
+
+def test_a_run_begun_by_another_process_meanwhile_is_not_lost(tmp_path, monkeypatch):
+    """`orbits resume` and `orbits.propagate` do not look at the folder: between two cases they may have begun a run."""
+    two = pair(system=lambda: {"one": pair().system, "two": pair().system.barycentric()})
+    report, told = performing._report, "run-two.h5 has an unfinished run that is not this one"
+
+    def report_while_another_begins(*words):
+        begin_another(tmp_path / "run-two.h5")
+        return report(*words)
+
+    monkeypatch.setattr(performing, "_report", report_while_another_begins)
+    with pytest.raises(InputError, match=told):
+        perform(two, out=tmp_path)
+
+
+def test_the_complete_cases_of_a_run_that_was_stopped_are_not_run_again(tmp_path, monkeypatch):
+    two = pair(system=lambda: {"one": pair().system, "two": pair().system.barycentric()})
+    whole = perform(two, out=tmp_path / "whole")
+    assert perform(two, out=tmp_path).ok
+    before = (tmp_path / "run-one.h5").read_bytes()
+    (tmp_path / "run-two.h5").unlink()
+    stopped_by_ctrl_c(pair(system=pair().system.barycentric()), tmp_path / "stopped", monkeypatch)
+    (tmp_path / "stopped" / "run.h5").rename(tmp_path / "run-two.h5")
+    said = []
+    again = perform(two, out=tmp_path, say=said.append)
+    assert any("one, " in line and ", complete in" in line for line in said)
+    assert any("two, " in line and ", going on with the unfinished run in" in line for line in said)
+    assert (tmp_path / "run-one.h5").read_bytes() == before
+    for case in ("one", "two"):
+        assert again.cases[case].run.q.value.tobytes() == whole.cases[case].run.q.value.tobytes()
+
+
+def test_ctrl_c_in_a_later_method_says_that_its_run_is_not_kept(tmp_path, monkeypatch):
+    add, seen = sample_store.SampleStore.add, []
+
+    def add_then_stop(self, q, v):
+        seen.append(add(self, q, v))
+        if len(seen) > 5:  # samples of the first method
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
+    with pytest.raises(Interrupted, match=r"samples done, in .*; only the first method keeps its run"):
+        perform(pair(integrators=[orbits.Gauss(stages=4), orbits.StormerVerlet()]), out=tmp_path)
 
 
 @pytest.mark.parametrize("name", ["run.h5", "report.json", "run.png"])
