@@ -145,5 +145,5 @@ def test_an_unfinished_run_with_other_options_is_refused(monkeypatch: pytest.Mon
     assert out.exit_code == 2
     words = " ".join(out.output.split())
     told = "results/pair/run.h5 has an unfinished run that is not this one: it has a=2.0, this one a=1.0."
-    remedy = "To complete it: orbits resume results/pair/run.h5. Otherwise give another folder with --out, or remove the"
+    remedy = "To complete it: orbits resume results/pair/run.h5. Otherwise give another folder with --out, or remove"
     assert f"{told} {remedy}" in words
