@@ -22,7 +22,8 @@ def results_folder(path: Path) -> Path:
 def replaceable(path: Path) -> Path:
     """Return `path` if it does not exist, or was written by this package. Raises InputError otherwise."""
     if path.is_dir() or (path.exists() and not _is_ours(path)):
-        raise InputError(f"{path} is there already and was not written by orbits; move it away, or give another --out.")
+        raise InputError(f"{path} is there already and was not written by orbits, or is damaged; move it "
+            "away, or give another --out.")
     return path
 
 

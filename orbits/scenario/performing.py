@@ -25,7 +25,7 @@ from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 from orbits.scenario.parts import Parts, identity
 from orbits.scenario.study import Study, StudyOutcome, StudyResult
-from orbits.scenario.unfinished import COMPLETE, UNFINISHED, alone_in, refuse_another, this_run
+from orbits.scenario.unfinished import COMPLETE, UNFINISHED, alone_in, looked_at
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,6 +41,8 @@ Say = Callable[[str], None]
 
 Pace: TypeAlias = "tuple[bool | None, Heartbeat | None, Deadline | None]"
 """How a run tells its progress, and when it ends: `progress`, `heartbeat` and `wall_time` of `perform`."""
+
+_TOLD = {UNFINISHED: "going on with the unfinished run in", COMPLETE: "complete in"}
 
 
 @overload
@@ -107,11 +109,10 @@ def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Say)
     }
     archives = {name: folder / f"run{'-' + slug(name) if name else ''}.h5" for name in systems}
     replaceable(folder / "report.json")  # before the long runs, not after them
-    for name, system in systems.items():
+    for grid in grids.values():
         for method in scenario.integrators:
-            grids[name].clock.check(method)
-        refuse_another(scenario, system, grids[name], archives[name])
-    kept = {name: this_run(scenario, system, grids[name], archives[name]) for name, system in systems.items()}
+            grid.clock.check(method)
+    kept = {name: looked_at(scenario, system, grids[name], archives[name]) for name, system in systems.items()}
     for name, system in systems.items():
         known = kept[name] if UNFINISHED in kept.values() else ""
         runs = _runs(scenario, name, system, grids[name], (archives[name], known), pace, say, complaints)
@@ -236,7 +237,7 @@ def _runs(
 ) -> Mapping[str, Trajectory]:
     """Run every method. One whose step fails is listed in `failures` and keeps the samples before.
 
-    kept : the archive of the first method, and what it has of this run: see `this_run`
+    kept : the archive of the first method, and what it has of this run: see `looked_at`
     """
     from orbits.propagation.run import propagated, resume
 
@@ -247,18 +248,14 @@ def _runs(
     for method in scenario.integrators:
         task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
         first = not runs
-        going_on = {
-            UNFINISHED: f", going on with the unfinished run in {archive}",
-            COMPLETE: f", complete in {archive}",
-        }
-        say(f"{task}{going_on.get(has, '') if first else ''}")
+        say(f"{task}, {_TOLD[has]} {archive}" if first and has else task)
         try:
             with _minding(say):
                 if first and has:
                     runs[method.label] = resume(archive, **pacing)
                 else:
                     if first:  # what another process has begun since
-                        refuse_another(scenario, system, grid, archive)
+                        looked_at(scenario, system, grid, archive)
                     runs[method.label] = propagated(
                         system,
                         method,
@@ -276,10 +273,9 @@ def _runs(
         except Interrupted as stopped:
             if first:
                 raise
-            done = str(stopped).partition(";")[0]
-            raise Interrupted(
-                f"{done}, in {task}; only the first method keeps its run", trajectory=stopped.trajectory
-            ) from None
+            done = f"{len(stopped.trajectory)} of {len(grid)} samples done"
+            told = f"stopped in {task}, {done}; only the first method keeps its run, {archive}"
+            raise Interrupted(told, trajectory=stopped.trajectory) from None
         if wall_time is not None and wall_time.ended(runs[method.label]):
             raise _out_of_time(runs[method.label], task, first)
     return runs

@@ -28,8 +28,15 @@ UNFINISHED, COMPLETE = "unfinished", "complete"
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Keep other processes from running scenarios in a folder. Raises InputError if one does so already."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    """Keep other processes from running scenarios in a folder, by a lock of the folder itself, which leaves no file
+    behind. Raises InputError if one does so already, or if the folder cannot be read.
+    """
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        raise InputError(
+            f"the folder {folder} cannot be read ({error.strerror}); give another one with --out."
+        ) from None
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -44,51 +51,43 @@ def alone_in(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def this_run(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> str:
-    """Return `UNFINISHED` or `COMPLETE` if `path` has this same run, to the last bit; "" if it has not."""
-    from orbits.archive import Archive
+def looked_at(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> str:
+    """Return what `path` has of this same run, to the last bit: `UNFINISHED`, `COMPLETE`, or "" for nothing.
 
-    try:
-        with Archive.open(path) as old:
-            same = not (_differences(old, scenario, system, grid) or _changes(old))
-            return (COMPLETE if old.complete else UNFINISHED) if same else ""
-    except ArchiveError:
-        return ""
-
-
-def refuse_another(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> None:
-    """Raise InputError if `path` has another run that is not complete, one that another process is writing, or one that
+    Raises InputError if it has another run that is not complete, one that another process is writing, or one that
     cannot be read: it would be lost. A run that its method could not continue may be replaced.
     """
     from orbits.archive import Archive
 
     if not replaceable(path).exists():
-        return
+        return ""
     elsewhere = "give another folder with --out, or remove the file."
     try:
         with Archive.open(path) as old:
             if old.writer is not None:
                 who = f"process {old.writer}" if old.writer > 0 else "another process"
                 raise InputError(f"{path} is being written by {who}; wait for it, or give another folder with --out.")
-            if old.complete or _failed(old.ended):
-                return
+            complete, failed = old.complete, _failed(old.ended)
             found, changes = _differences(old, scenario, system, grid), _changes(old)
     except ArchiveError as error:
         raise InputError(f"{error} It is not replaced: {elsewhere}") from None
-    if found or changes:
-        told = "; ".join([*found, *changes])
-        how = f"orbits resume {shlex.quote(str(path))}" + " --any-bits" * bool(changes)
-        raise InputError(
-            f"{path} has an unfinished run that is not this one: {told}. To complete it: {how}. Otherwise {elsewhere}"
-        )
+    if not (found or changes):
+        return COMPLETE if complete else UNFINISHED
+    if complete or failed:
+        return ""
+    told = "; ".join([*found, changes] if changes else found)
+    how = f"orbits resume {shlex.quote(str(path))}" + " --any-bits" * bool(changes)
+    raise InputError(
+        f"{path} has an unfinished run that is not this one: {told}. To complete it: {how}. Otherwise {elsewhere}"
+    )
 
 
 def _failed(ended: Ended) -> bool:
     """Return whether a run was ended by its own equations, not by a full disk or an exception of the user."""
     from orbits.archive.ended import FAILED
 
-    kind = getattr(errors, ended.why.partition(":")[0], object)
-    return ended.how == FAILED and issubclass(kind, IntegrationError)
+    kind = getattr(errors, ended.why.partition(":")[0], None)
+    return ended.how == FAILED and isinstance(kind, type) and issubclass(kind, IntegrationError)
 
 
 def _differences(old: Archive, scenario: Scenario, system: System, grid: TimeGrid) -> list[str]:
@@ -98,10 +97,8 @@ def _differences(old: Archive, scenario: Scenario, system: System, grid: TimeGri
     found = []
     its, mine = old.origin, scenario.origin()
     if its is not None and mine is not None and its.scenario == mine.scenario:
-        ours = dict(mine.options)
-        theirs = {name: value for name, value in its.options.items() if name not in ours or ours[name] != value}
         if its != mine:
-            found.append(f"it has {_given(theirs)}, this one {_given({name: ours.get(name) for name in theirs})}")
+            found.append(_other_options(its.options, mine.options))
     elif its is not None:
         found.append(f"it was made by the scenario {its}")
     elif mine is not None:
@@ -117,8 +114,8 @@ def _differences(old: Archive, scenario: Scenario, system: System, grid: TimeGri
     if old.system.units != system.units:
         found.append("it has other units")
     else:
-        if old.grid.clock != grid.clock:
-            found.append(f"it has {_steps(old.grid, before or now, system)}, this one {_steps(grid, now, system)}")
+        if old.grid.clock != grid.clock and before is not None:
+            found.append(f"it has {_steps(old.grid, before, system)}, this one {_steps(grid, now, system)}")
         if old.grid.end != grid.end:
             rounded = f"{old.grid.end:g}", f"{grid.end:g}"
             its_end, end = rounded if rounded[0] != rounded[1] else (repr(old.grid.end), repr(grid.end))
@@ -134,18 +131,23 @@ def _differences(old: Archive, scenario: Scenario, system: System, grid: TimeGri
     return found
 
 
-def _changes(old: Archive) -> list[str]:
-    """Return in words what the last bits of a run depend on that has changed since."""
+def _changes(old: Archive) -> str:
+    """Return in words what the last bits of a run depend on that has changed since; "" for nothing."""
     from orbits.propagation.marchers import differences
 
-    changed = differences(old.provenance)
-    return [f"it was made with a different {', '.join(changed)}; its last bits may come out differently here"] * bool(
-        changed
-    )
+    changed = ", ".join(differences(old.provenance))
+    return f"it was made with a different {changed}; its last bits may come out differently here" if changed else ""
 
 
-def _given(options: Mapping[str, object]) -> str:
-    return ", ".join(f"{name}={option_text(value)}" if value != "" else f"{name}=''" for name, value in options.items())
+def _other_options(its: Mapping[str, object], mine: Mapping[str, object]) -> str:
+    """Return the options that differ in words: "it has a=2.0 and no b, this one a=1.0 and b=yes"."""
+    names = [name for name in {**its, **mine} if name not in its or name not in mine or its[name] != mine[name]]
+    both = (" and ".join(_given(options, name) for name in names) for options in (its, mine))
+    return "it has {}, this one {}".format(*both)
+
+
+def _given(options: Mapping[str, object], name: str) -> str:
+    return f"no {name}" if name not in options else f"{name}={option_text(options[name]) or repr('')}"
 
 
 def _steps(grid: TimeGrid, method: Integrator, system: System) -> str:

@@ -17,13 +17,14 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits.archive import Archive
+from orbits.archive.ended import Ended
 from orbits.archive.origin import Origin
 from orbits.ensemble import command as campaigns
 from orbits.ensemble import run as run_campaign
 from orbits.errors import ArchiveError, InputError, Interrupted, UnknownNameError
 from orbits.option_values import LARGEST, option_text
 from orbits.propagation import sample_store
-from orbits.scenario import bundled, load, perform
+from orbits.scenario import bundled, load, perform, unfinished
 from orbits.scenario.certificates import certify_scenario, to_record
 from orbits.scenario.options import read_options
 
@@ -296,6 +297,22 @@ def test_an_unfinished_run_goes_on_with_its_options_and_is_not_lost_to_others(tm
     whole = perform(chosen, out=tmp_path / "whole")
     assert again.run.q.value.tobytes() == whole.run.q.value.tobytes()
     assert perform(pair(), out=tmp_path).ok  # a finished run is replaced
+
+
+def test_options_that_one_of_two_runs_has_not_are_told(tmp_path, monkeypatch) -> None:
+    stop_after_the_first_samples(monkeypatch)
+    with pytest.raises(Interrupted):
+        perform(pair(), out=tmp_path)
+    monkeypatch.undo()
+    more = [*pair().options, orbits.Option("word", "", help="a text")]
+    with pytest.raises(InputError, match=r"it has no word, this one word=''. To complete it"):
+        perform(pair(options=more), out=tmp_path)
+
+
+@pytest.mark.parametrize("why", ["ConvergenceError: a step", "shown: by a user", "ValueError: a mistake", ""])
+def test_only_a_failed_step_is_a_reason_to_replace_a_run(why) -> None:
+    assert unfinished._failed(Ended(False, 1.0, "failed", why)) is why.startswith("ConvergenceError")
+    assert not unfinished._failed(Ended(False, 1.0, "interrupted", why))
 
 
 def test_a_run_that_failed_does_not_keep_others_from_its_folder(tmp_path) -> None:
