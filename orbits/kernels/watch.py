@@ -22,6 +22,7 @@ radii : (n + m + padding,), radii of the bodies, then of the particles; negative
     `touched`, `touched_own` only if collisions are sought
 touched : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps after
     which two bodies may have touched
+rough : see `orbits.kernels.collisions`
 touched_own : (m,) int64; the same for each particle that was observed in steps of its own, and 0 for the others
 passage_angle : angle of a step, h x speed / distance, above which every passage of a body other than the dominant one
     is listed
@@ -81,6 +82,7 @@ _KINDS: dict[str, Any] = {
     "radii": _array(1),
     "touched": _array(1, types.int64),
     "touched_own": _array(1, types.int64),
+    "rough": types.float64,
     "passage_angle": types.float64,
     "least_eccentricity": types.float64,
     "pericentre_angle": types.float64,

@@ -187,6 +187,7 @@ class Marcher(Blocks):
             integrator.follows_kepler,
             self._form.trace_rows(3 * n),
             whole_path=integrator.follows_meetings,
+            order=integrator.order,
         )
         self._watcher.given = isinstance(self._form, GivenBodies) and self._form.held(self.model) == n
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])

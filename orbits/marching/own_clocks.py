@@ -87,8 +87,8 @@ MOST_PARTS = 100_000_000
 """The most steps that a particle takes within one of the bodies: a minute."""
 
 SHORTEST = 2.0**-52
-"""A step shorter than this fraction of the time since the start, or of the step of the bodies, is none; unless it is
-one of the bodies as a whole: up to a sample that is the next number after the end of a step."""
+"""A step shorter than this fraction of the time since the start counts as zero, except a whole step of the bodies: up
+to a sample that is the next number after the end of a step. (Their step may be longer than one by any factor.)"""
 
 RATES = 9
 """The row of the scratch of a particle's step that has S at its stages; see `orbits.integrators.collocation.pull`."""
@@ -218,7 +218,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             parts = max(math.ceil(abs(left) / (STRETCH * proposal)), 1.0)
             h = left if parts == 1.0 else (done + left / parts) - done  # the lengths add up to H
             whole = done == 0.0 and parts == 1.0
-            if not whole and not abs(h) > SHORTEST * max(abs(origin + done), abs(H)):
+            if not whole and not abs(h) > SHORTEST * abs(origin + done):
                 break
             before = own[BEFORE] if own[BEFORE] != 0.0 else h
             if whole:

@@ -88,6 +88,7 @@ class Watcher:
     tasks : the number of tasks that march particles at the same time
     on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
     trace_rows : see `Form.trace_rows`
+    order : of the method, for what is looked for between the ends of steps
     whole_path : whether all states of a block are needed in its path, also of a block that is recorded in a trace
 
     contexts, lists : of the massive bodies, then of each task
@@ -112,6 +113,7 @@ class Watcher:
         on_kepler_orbits: bool = False,
         trace_rows: int = 0,
         whole_path: bool = False,
+        order: int = 8,
     ) -> None:
         self._parameters, self._stride, self.given = parameters, len(q), False
         self._path = np.empty(0)
@@ -157,7 +159,8 @@ class Watcher:
             within[: len(self._rows)] = radii[self._rows]
             self._touched = np.zeros(len(self._hits), dtype=np.int64)
             self._touched_own = np.zeros(len(particles), dtype=np.int64)
-            self.contexts.enter(radii=within, touched=self._touched, touched_own=self._touched_own)
+            rough = collisions.roughness(order)
+            self.contexts.enter(radii=within, touched=self._touched, touched_own=self._touched_own, rough=rough)
         self._compiled, self._find_met, self._find_touch, self._observer = False, 0, 0, 0
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:

@@ -1,7 +1,7 @@
 """The first collision within a step, to the accuracy of the orbit, by partial steps of the method.
 
-Kernels find steps in which two bodies may touch (`orbits.kernels.collisions`); here the pairs are found, and the time
-at which the distance of each falls below the sum of its radii.
+Kernels find steps in which two bodies may touch (`orbits.kernels.collisions`); here the pairs are found by the same
+verdict, and the time at which the distance of each falls below the sum of its radii.
 """
 
 from __future__ import annotations
@@ -13,15 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.kernels.collisions import CONTACT, MARGIN
+from orbits.kernels.collisions import fraction_of_contact, roughness, touching
 
 Array = NDArray[np.float64]
 State = tuple[Array, Array]
 
-GRID = np.linspace(0.0, 1.0, 65)
-"""Where the cubic between the ends of a step is looked at for a first estimate."""
+ITERATIONS, PARTS = 80, 4096
+"""The most states within a step for a root, and the most parts in which a pair is followed: one that moves along the
+surface of another for long needs many."""
 
-ITERATIONS = 80
+SPACING = 2.0**-14
+"""The fraction of a step between positions of which differences are taken."""
 
 
 class Impact(NamedTuple):
@@ -43,129 +45,107 @@ class Step(NamedTuple):
 
 
 def impacts(
-    step: Step, radii: Array, massive: NDArray[np.bool_], seeks: Callable[[int, int], bool]
+    step: Step, radii: Array, massive: NDArray[np.bool_], seeks: Callable[[int, int], bool], order: int
 ) -> list[Impact]:
     """Return the collisions in a step, in the order of time; of those at the same time that of the first bodies first.
 
     radii : (n,), of all bodies; seeks : whether the collision of two bodies is looked for
+    order : of the method
     A pair that overlaps at the beginning of the step does not collide in it.
     """
-    known: dict[float, State] = {}
-
-    def at(time: float) -> State:
-        if time not in known:
-            known[time] = step.at(time)
-        return known[time]
-
-    found = []
-    for i, j in candidates(step, radii, massive):
-        time = _time_of(step._replace(at=at), i, j, float(radii[i] + radii[j])) if seeks(i, j) else None
+    found, motion = [], _motion(step, order)
+    for i, j in candidates(step, radii, massive, _slack(step, order)):
+        time = _time_of(motion, step, i, j, float(radii[i] + radii[j])) if seeks(i, j) else None
         if time is not None:
             found.append(Impact(time, i, j))
     direction = math.copysign(1.0, step.end - step.begin)
     return sorted(found, key=lambda impact: (impact.time * direction, impact.first, impact.second))
 
 
-def candidates(step: Step, radii: Array, massive: NDArray[np.bool_]) -> Iterable[tuple[int, int]]:
-    """Yield the pairs, the lower number first, that may touch within a step, by the cubic between its ends."""
-    h = step.end - step.begin
-    (q0, v0), (q1, v1) = step.before, step.after
-    numbers = np.arange(len(q0))
-    found: set[tuple[int, int]] = set()
+def candidates(step: Step, radii: Array, massive: NDArray[np.bool_], slack: float) -> Iterable[tuple[int, int]]:
+    """Yield the pairs, the lower number first, that may touch within a step, by the verdict that found the step."""
+    states, found = np.array([*step.before, *step.after]), np.zeros(len(radii), dtype=bool)
+    pairs: set[tuple[int, int]] = set()
     for i in np.flatnonzero(massive).tolist():
-        x0, x1, u0, u1 = q0 - q0[i], q1 - q1[i], v0 - v0[i], v1 - v1[i]
-        reach = radii + radii[i]
-        # As in `orbits.kernels.collisions`: the cubic lies within the hull of its control points.
-        after = _squares(u1) * (h * h / 9.0)
-        way = np.maximum(_squares(u0) * (h * h / 9.0), 2.0 * _squares(x1 - x0) + 2.0 * after)
-        close = ((numbers > i) | ~massive) & (_squares(x0) < 2.0 * reach * reach + 4.0 * way)
-        others = numbers[close]
-        if not others.size:
-            continue
-        x0, x1, u0, u1, reach = x0[close], x1[close], u0[close], u1[close], reach[close]
-        limit = reach + MARGIN * np.linalg.norm(x1 - x0 - 0.5 * h * (u0 + u1), axis=1)
-        outside = np.linalg.norm(x0, axis=1) >= (1.0 - CONTACT) * reach
-        ends_inside = np.linalg.norm(x1, axis=1) < limit
-        turns = (np.sum(x0 * u0, axis=1) * h < 0.0) & (np.sum(x1 * u1, axis=1) * h >= 0.0)
-        for k in np.flatnonzero(outside & (reach > 0.0) & (ends_inside | turns)).tolist():
-            j = int(others[k])
-            if j != i and (ends_inside[k] or _cubic(x0[k], u0[k], x1[k], u1[k], h).min() < limit[k]):
-                found.add((min(i, j), max(i, j)))
-    return sorted(found)
+        touching(i, states, step.end - step.begin, radii, slack, found)
+        pairs |= {(min(i, j), max(i, j)) for j in np.flatnonzero(found).tolist()}
+    return sorted(pairs)
 
 
-def _squares(x: Array) -> Array:
-    return np.asarray(np.einsum("ij,ij->i", x, x))
+def _slack(step: Step, order: int) -> float:
+    """Return by how much bodies may move otherwise than the cubics of a step, besides the bound of their errors."""
+    changes = np.linalg.norm(step.after[1] - step.before[1], axis=1)
+    return roughness(order) * abs(step.end - step.begin) * float(np.nanmax(changes, initial=0.0))
 
 
-def _cubic(x0: Array, u0: Array, x1: Array, u1: Array, h: float) -> Array:
-    """Return the distances on the cubic between two relative states, at the fractions `GRID`."""
-    s = GRID[:, None]
-    a, b = x1 - x0 - h * u0, h * (u1 - u0)
-    return np.asarray(np.linalg.norm(x0 + s * (h * u0 + s * ((3.0 * a - b) + s * (b - 2.0 * a))), axis=1))
+def _motion(step: Step, order: int) -> Callable[[float], State]:
+    """Return positions at a fraction of a step, and their rates: the velocities, except for methods whose partial steps
+    move bodies otherwise (see `roughness`).
+    """
+    h, known = step.end - step.begin, {0.0: step.before, 1.0: step.after}
+
+    def state(s: float) -> State:
+        if s not in known:
+            known[s] = step.at(step.begin + s * h)
+        return known[s]
+
+    def motion(s: float) -> State:
+        q, v = state(s)
+        if roughness(order) == 0.0 or s == 0.0:
+            return q, v
+        middle = min(max(s, SPACING), 1.0 - SPACING)
+        first, second, third = (state(middle + k * SPACING)[0] for k in (-1, 0, 1))
+        bend = (s - middle) / SPACING * (third - 2.0 * second + first)
+        return q, (0.5 * (third - first) + bend) / (SPACING * h)
+
+    return motion
 
 
-def _time_of(step: Step, i: int, j: int, reach: float) -> float | None:
-    """Return the time at which a pair first touches within a step, or None if it does not."""
+def _time_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach: float) -> float | None:
+    """Return the time at which a pair first touches within a step, or None if it does not.
+
+    From state to state of the orbit: each is where the cubic from the last one may first come within reach.
+    """
     begin, end = step.begin, step.end
     h = end - begin
 
-    def gap(s: float) -> tuple[float, float]:
-        """Return the distance between the surfaces at a fraction of the step, and how fast it grows."""
-        q, v = step.before if s == 0.0 else step.after if s == 1.0 else step.at(begin + s * h)
-        x, w = q[j] - q[i], v[j] - v[i]
+    def relative(s: float) -> tuple[float, ...]:
+        """Return position and velocity of the second relative to the first at a fraction of the step."""
+        q, v = motion(s)
+        return tuple(np.concatenate([q[j] - q[i], v[j] - v[i]]).tolist())
+
+    def gap(state: tuple[float, ...]) -> tuple[float, float]:
+        """Return the distance between the surfaces, and how fast it grows."""
+        x, w = np.array(state[:3]), np.array(state[3:])
         d = math.sqrt(float(x @ x))
         return d - reach, float(x @ w) / d * h if d > 0.0 else -math.inf
 
-    (q0, v0), (q1, v1) = step.before, step.after
-    shape = _cubic(q0[j] - q0[i], v0[j] - v0[i], q1[j] - q1[i], v1[j] - v1[i], h) - reach
+    q1 = step.after[0]
     resolution = 4.0 * float(np.spacing(max(abs(begin), abs(end)))) / abs(h)
     rounding = 4.0 * float(np.spacing(max(np.abs(q1[i]).max(), np.abs(q1[j]).max(), reach)))
-    at_begin, at_end = gap(0.0), gap(1.0)
-    if at_begin[0] < 0.0 and at_begin[1] < 0.0:
+    s, here, last = 0.0, relative(0.0), relative(1.0)
+    (distance, slope), (left, leaving) = gap(here), gap(last)
+    if distance < 0.0 and slope < 0.0:
         return None  # it overlapped before
-    outside, inside = 0.0, 1.0
-    if at_end[0] >= 0.0:
-        if not (at_begin[1] < 0.0 <= at_end[1]):
-            return None
-        nearest = _nearest(gap, float(GRID[int(np.argmin(shape))]), resolution)
-        if nearest is None:
-            return None
-        inside = nearest
-    if at_begin[1] > 0.0:  # it leaves first, as after a bounce, and comes back
-        while outside == 0.0:
-            if inside <= resolution:
-                return begin
-            if gap(0.5 * inside)[0] > 0.0:
-                outside = 0.5 * inside
-            else:
-                inside *= 0.5
-    crossing = np.flatnonzero((shape[:-1] >= 0.0) & (shape[1:] < 0.0) & (GRID[:-1] >= outside))
-    guess = float(GRID[crossing[0]]) if crossing.size else 0.5 * (outside + inside)
-    return begin + _root(gap, outside, inside, guess, resolution, rounding) * h
-
-
-def _nearest(gap: Callable[[float], tuple[float, float]], guess: float, resolution: float) -> float | None:
-    """Return a fraction of the step at which the pair overlaps, or None if it does not at its closest approach."""
-    low, high, s = 0.0, 1.0, min(max(guess, 0.01), 0.99)
-    slope_low, slope_high = gap(0.0)[1], gap(1.0)[1]
-    for _ in range(ITERATIONS):
-        distance, slope = gap(s)
-        if distance < 0.0:
-            return s
-        if slope < 0.0:
-            low, slope_low = s, slope
-        else:
-            high, slope_high = s, slope
-        if high - low <= resolution or slope == 0.0:
-            return None
-        if distance > (high - low) * max(-slope_low, slope_high):  # it falls no faster than at these ends
-            return None
-        following = low - slope_low * (high - low) / (slope_high - slope_low)
-        middle = 0.5 * (low + high)
-        narrow = min(following - low, high - following) < 0.01 * (high - low)
-        s = middle if narrow or not low < following < high else following
-    return None
+    if 0.0 <= left <= rounding and leaving < 0.0:
+        left, rounding = math.inf, 0.0  # it touches in the next step
+    for _ in range(PARTS):
+        part = float(fraction_of_contact(here, last, (1.0 - s) * h, reach, 0.0))
+        following = s + (1.0 - s) * part
+        if following >= 1.0 - resolution:
+            break
+        if following - s <= resolution:
+            return begin + s * h
+        here = relative(following)
+        distance, slope = gap(here)
+        if distance < 0.0:  # by rounding, or where the motion differs from the cubic by more than was allowed for
+            return begin + _root(lambda x: gap(relative(x)), s, following, following, resolution, rounding) * h
+        if distance <= rounding and slope < 0.0:
+            return begin + following * h
+        s = following
+    if left >= 0.0:
+        return None
+    return begin + _root(lambda x: gap(relative(x)), s, 1.0, 0.5 * (s + 1.0), resolution, rounding) * h
 
 
 def _root(

@@ -311,10 +311,8 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             if writer is not None
             else "nothing was stored; give archive=... to be able to resume"
         )
-        raise Interrupted(
-            f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(grid)} samples done; {how}",
-            trajectory=trajectory,
-        )
+        what = f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(grid)} samples done"
+        raise Interrupted(what, how, trajectory=trajectory)
     return trajectory
 
 

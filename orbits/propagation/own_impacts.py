@@ -93,7 +93,7 @@ def own_impacts(
     for step in [] if march.retired() else own_steps(march, int(there[:particle].sum()), end):
         at = partial(_whole_at, whole, step.at)
         step_of_all = step._replace(before=whole(step.before), after=whole(step.after), at=at)
-        for impact in impacts(step_of_all, radii, massive, seeks):
+        for impact in impacts(step_of_all, radii, massive, seeks, march.integrator.order):
             found.append(impact)
             rule = collisions.rule(impact.first, impact.second)
             if rule is not None and rule.then != RECORD:
@@ -109,7 +109,7 @@ def _one_step(march: Marcher, particle: int, here: Checkpoint, end: float) -> fl
     """March from a checkpoint by one step of the particle, not beyond a time; return its end, or None if it is lost."""
     begin, direction = march.time, march.clock.direction
     length = float(here["particle_clock"][0, NEXT]) or _first_length(march, particle)
-    while length > SHORTEST * max(abs(begin), abs(end - begin)):
+    while length > SHORTEST * abs(begin):  # the step of the bodies may be longer by more than 2^52
         goal = end if STRETCH * length >= abs(end - begin) else begin + direction * length
         march.restore(ending(here))
         march.advance_to(Place(0, goal))

@@ -102,7 +102,7 @@ def test_a_close_approach_counts_only_within_the_distance_and_agrees_with_closes
     system = orbits.System.solar_system(bodies=["Sun", "Venus", "Earth", "Moon", "Mars", "Jupiter"])
     events = [orbits.CloseApproach("Earth", "Venus", within=0.28 * u.au), orbits.CloseApproach("Earth", "Venus")]
     run = orbits.propagate(system, duration=10 * u.yr, events=events[0])
-    found = run.closest_approaches()["Venus"][1]
+    found = run.closest_approaches()["Venus"][0]
     nearest = run.events[int(np.argmin(run.events.distance))]
     assert {nearest.body, nearest.other} == {found.body, found.other}
     assert abs(nearest.distance - found.distance) < 1e-12 * u.au
@@ -115,10 +115,10 @@ def test_a_close_approach_counts_only_within_the_distance_and_agrees_with_closes
     assert len(every.events) > len(run.events) > 1
 
 
-# The cubic between the states of Verlet's method is 5e-8 from its partial steps: what is shallower may stay unseen.
+# The cubic between the states of Verlet's method is 5e-8 from its partial steps, in which the top is sought again.
 @pytest.mark.parametrize(
     ("method", "least"),
-    [("stormer-verlet", 1e-6), ("runge-kutta-4", 1e-10), ("gauss(stages=4)", 1e-10), ("gauss(stages=8)", 1e-12)],
+    [("stormer-verlet", 1e-10), ("runge-kutta-4", 1e-10), ("gauss(stages=4)", 1e-10), ("gauss(stages=8)", 1e-12)],
 )
 @pytest.mark.parametrize("way", [1.0, -1.0])
 def test_two_crossings_of_a_plane_within_one_step_are_found_with_and_without_a_polynomial(method, least, way):
@@ -142,6 +142,24 @@ def test_two_crossings_of_a_plane_within_one_step_are_found_with_and_without_a_p
         np.testing.assert_allclose(
             (states.q[:, 1, 0] - states.q[:, 0, 0]).value, x[top] - depth, rtol=0.0, atol=4e-15
         )
+
+
+@pytest.mark.parametrize("phase", [0.3, 0.5, 0.9])
+def test_bodies_that_come_within_a_distance_below_the_difference_of_a_long_step_from_its_cubic_are_found(phase):
+    """The cubic of Verlet's step is 1e-3 from its partial steps, in which the pair comes to 4e-4."""
+    method, dt = "stormer-verlet", 0.2
+    q, v = [[0, 0, 0], [1, 0, 0], [1, 0, 1e-5]], [[0, 0, 0], [0, 1, 0], [0.3, 0.8, 0]]
+    met = orbits.System(["star", "a", "b"], [1.0, 1e-18, 1e-18], q, v, units=orbits.DIMENSIONLESS)
+    ago = -(1.0 + phase) * dt
+    back = orbits.propagate(met, dt=0.01, duration=ago, samples=[ago], check_step=False)
+    start, options = met.replaced(q=back.q[-1], v=back.v[-1]), {"dt": dt, "duration": 4 * dt, "samples": 2}
+    least = orbits.propagate(start, method, events=orbits.CloseApproach("a", "b"), check_step=False, **options).events
+    assert 2e-4 < least.distance[0].value < 5e-4
+    bound = 1.25 * least.distance[0].value
+    events = [orbits.CloserThan(bound, "a", "b"), orbits.FartherThan(bound, "a", "b")]
+    run = orbits.propagate(start, method, events=events, check_step=False, **options)
+    assert [kind.split()[0] for kind in run.events.kind] == ["closer", "farther"]
+    np.testing.assert_allclose(run.events.distance.value, bound, rtol=0.0, atol=1e-14)
 
 
 @pytest.fixture(scope="module")

@@ -72,6 +72,20 @@ def test_a_massless_apophis_passes_as_one_with_a_tiny_mass(solar, dt):
     assert [str(date)[:10] for date in massless.date] == ["2029-04-13", "2029-04-14"]
 
 
+@pytest.mark.parametrize("dt", [None, 1.0], ids=["adaptive", "constant"])
+def test_a_massless_body_that_passes_fast_where_there_are_hardly_forces_is_seen(dt):
+    """Its dynamical time, 1e12, is long against the time between two samples; a straight line passes all the same."""
+    gm, v = [1e-12, 1e-20, 0.0], [[0, 0, 0], [0, 0, 0], [1, 0, 0]]
+    for way_over_limit in (1e2, 1e6):  # in a time of 1
+        limit = 1.0 / way_over_limit
+        q = [[0, 0, 1e4], [0, 0, 0], [-3.3, 0.5 * limit, 0]]
+        bodies = orbits.System(["star", "a", "bullet"], gm, q, v, units=orbits.DIMENSIONLESS)
+        events = [orbits.CloseApproach("bullet", "a"), orbits.CloserThan(limit, "bullet", "a")]
+        found = sought(events, bodies, dt=dt, duration=8.0, samples=2).events
+        assert found.kind.tolist() == [f"closer than {limit:g}", "close approach"]
+        np.testing.assert_allclose(found.time.value, [3.3 - np.sqrt(0.75) * limit, 3.3], rtol=0.0, atol=1e-14)
+
+
 @STEPS
 @pytest.mark.parametrize("sign", [1, -1], ids=["forwards", "backwards"])
 def test_all_kinds_of_events_are_those_of_a_body_with_a_tiny_mass(dt, sign):

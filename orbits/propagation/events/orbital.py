@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import index_of
-from orbits.checks import finite_number
+from orbits.checks import finite_number, is_one_of
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.propagation.events.base import NOBODY, Array, Bound, PairBound, Sought, Whole, dot
 from orbits.propagation.events.kinds import a_distance, check_names, pairs_of, primary_of
@@ -102,7 +102,7 @@ class ElementCrossing(Sought):
         anomaly), or "energy" (of the two bodies, v^2/2 - GM/r)
     value : a quantity or a number in the system's units; angles in radians
     primary : a name; optional if one body has more than 90 % of the mass
-    frame : of the angles, "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as for elements
+    frame : of the angles, "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
     direction : 1 if it is to rise through the value, -1 if it is to fall, 0 for both
     then : "record", "stop", or what is to be done; see `orbits.Event`
     """
@@ -118,7 +118,7 @@ class ElementCrossing(Sought):
         super().__post_init__()
         check_crossing(self, self.body, self.primary)
         known = (*SIZES, *ANGLES)
-        if self.element not in known:
+        if not is_one_of(self.element, known):
             raise UnknownNameError(f"ElementCrossing of {shown(self.element)}; expected one of {', '.join(known)}.")
         value = quantity_from_text(self.value, "ElementCrossing.value", "a quantity or a number")
         object.__setattr__(self, "value", value)
@@ -133,7 +133,7 @@ class ElementCrossing(Sought):
             raise InputError(f"ElementCrossing: {self.element} = {value:g} is of no orbit; expected another value.")
         shown_value = f"{self.value:g}".rstrip()
         words = (f"{self.element} falls below {shown_value}", f"{self.element} rises above {shown_value}")
-        axes = axes_of(system.units, self.frame)
+        axes = axes_of(system, self.frame)
         return [Element(wanted(words, self.direction), pairs, (self.element, value), mu, axes)]
 
     def _floats(self, system: System) -> Any:

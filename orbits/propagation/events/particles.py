@@ -33,7 +33,7 @@ LIGHT = 1e-36
 """The mass of a followed body as a fraction of the lightest massive one: it moves no last bit of any."""
 
 NOTHING = 1e-9
-"""The fraction of a step, or of the dynamical time, in which the motion is straight."""
+"""The fraction of a step, of the dynamical time, or of the distance of two bodies, in which nothing happens twice."""
 
 
 class Sample(NamedTuple):
@@ -116,7 +116,7 @@ class ParticleSearches:
         if not ((time - self._last.time) * self._clock.direction > 0.0 and np.isfinite(self._last.q[there]).all()):
             return None
         begun, first = self._last, self._last.time == 0.0
-        if end is not None and abs(time - begun.time) < NOTHING * self._scales[number]:
+        if end is not None and self._hardly_moves(number, abs(time - begun.time)):
             t, q, v = (np.array(pair) for pair in zip(begun, end, strict=True))
             return search.between(t, q, v, first)
         try:
@@ -144,6 +144,16 @@ class ParticleSearches:
                 time=begun.time,
             ) from error
         return None
+
+    def _hardly_moves(self, number: int, duration: float) -> bool:
+        """Return whether the bodies of a search hardly move from the last sample on: by their forces, or straight past
+        one another.
+        """
+        if duration >= NOTHING * self._scales[number]:
+            return False
+        q, v = (x[self._light[number][1]] for x in (self._last.q, self._last.v))
+        ways = (duration * np.linalg.norm(v - each, axis=1) for each in v)
+        return all((way <= NOTHING * np.linalg.norm(q - at, axis=1)).all() for way, at in zip(ways, q, strict=True))
 
     def _motions(self, system: System, there: NDArray[np.bool_], time: float) -> Iterator[tuple[Motion, bool]]:
         """Yield the motion from the last sample to a time, in stretches, and whether each is the last one."""

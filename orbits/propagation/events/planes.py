@@ -9,7 +9,7 @@ import numpy as np
 
 from orbits import checks
 from orbits.body_names import index_of
-from orbits.elements.frames import checked_frame, default_frame, from_frame
+from orbits.elements.frames import checked_frame, from_frame
 from orbits.errors import InputError, shown
 from orbits.kernels.event_search import HEIGHT
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole, dot
@@ -18,7 +18,6 @@ from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
     from orbits.system import System
-    from orbits.units import UnitSystem
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,8 @@ class NodeCrossing(Sought):
 
     body : a name; None means every body but the primary
     primary : a name; optional if one body has more than 90 % of the mass
-    frame : "ecliptic" (of J2000) or "icrf" (the system's own axes), whose x-y plane it is; by default as for elements
+    frame : "ecliptic" (of J2000), "icrf" or "system" (the system's own axes), whose x-y plane it is; by default
+        `System.frame`
     direction : 1 for ascending nodes alone, -1 for descending ones, 0 for both
     then : "record", "stop", or what is to be done; see `orbits.Event`
     """
@@ -46,7 +46,7 @@ class NodeCrossing(Sought):
         primary = primary_of(system, self.primary, "NodeCrossing")
         pairs = pairs_of(system, self.body, system.names[primary], "NodeCrossing")
         words = wanted(("descending node", "ascending node"), self.direction)
-        return [Height(words, pairs, axes_of(system.units, self.frame)[2], 0.0)]
+        return [Height(words, pairs, axes_of(system, self.frame)[2], 0.0)]
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class PlaneCrossing(Sought):
     normal : the direction to which the plane is normal, three numbers
     about : the name of a body through which the plane goes, and with which it moves; None for the origin of the system
     offset : the distance of the plane from there, along the normal: a quantity, or a number in the unit of length
-    frame : of the normal, "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as for elements
+    frame : of the normal, "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
     direction : 1 for passages along the normal alone, -1 for those against it, 0 for both
     then : "record", "stop", or what is to be done; see `orbits.Event`
     """
@@ -80,7 +80,7 @@ class PlaneCrossing(Sought):
         """Return the height above the plane."""
         body = index_of(self.body, system.names)
         pair = (body, NOBODY) if self.about is None else pairs_of(system, self.body, self.about, "PlaneCrossing")[0]
-        normal = np.array(self.normal) @ axes_of(system.units, self.frame)
+        normal = np.array(self.normal) @ axes_of(system, self.frame)
         offset = checks.finite_number(system.units.length_value(self.offset, "PlaneCrossing.offset"), "offset")
         words = wanted(("plane crossed downwards", "plane crossed upwards"), self.direction)
         return [Height(words, [pair], normal / np.linalg.norm(normal), offset)]
@@ -105,9 +105,9 @@ class Height(Bound):
         return HEIGHT, np.array([*self._normal, self._offset])
 
 
-def axes_of(units: UnitSystem, frame: str | None) -> Array:
-    """Return the axes x, y and z of a frame, a row each, in the axes of a system."""
-    return from_frame(np.eye(3), default_frame(units) if frame is None else frame)
+def axes_of(system: System, frame: str | None) -> Array:
+    """Return the axes x, y and z of a frame, by default that of a system, a row each, in the axes of the system."""
+    return from_frame(np.eye(3), system.frame if frame is None else frame)
 
 
 def check_crossing(event: Any, *names: Any) -> None:

@@ -29,6 +29,10 @@ CLOSE = 1e-15
 ROUGHLY = 1e-9
 """The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
 
+NEAR_ZERO = 0.5
+"""An extremum of the rough motion below this share of the function at the checks around it is sought again in the exact
+one, which may come to zero where the rough one does not."""
+
 ROUNDS, TINY = 200, np.finfo(np.float64).tiny
 """The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
 
@@ -314,32 +318,42 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
     if not sum(len(some.steps) for some in found):
         nothing = np.zeros(0, dtype=np.int64)
         return Zeros(nothing, np.zeros(0), nothing, np.zeros(0, dtype=bool), np.zeros(0))
-    some = Brackets.joined(found)
-    if some.turns.any():
-        some = _parted(_along(bound, stretch), some)
-    rising = (some.g_low < 0.0) != stretch.backwards
-    wanted = np.array([word is not None for word in bound.words])[rising.astype(int)]
-    rising, some = rising[wanted], some.of(wanted)
-    k, c = some.steps, some.columns
-    at, there = _refined(_along(bound, stretch), _along(bound, stretch, False), some)
+    rough, exact = _along(bound, stretch), _along(bound, stretch, False)
+    single, near = _parted(rough, Brackets.joined(found))
+    parts = [(rough, single)]
+    if len(near.steps):
+        parts.append((exact, _parted(exact, near)[0]))
+    words = np.array([word is not None for word in bound.words])
+    parts = [(along, some.of(words[_rises(some, stretch).astype(int)])) for along, some in parts]
+    at, there = (np.concatenate(each) for each in zip(*(_refined(along, exact, p) for along, p in parts), strict=True))
+    some = Brackets.joined([each for _, each in parts])
+    rising, k, c = _rises(some, stretch), some.steps, some.columns
     sizes = NEAR_BY * np.abs(some.g_high - some.g_low) / (some.high - some.low)
     every = np.flatnonzero(there)
     order = every[np.lexsort((c[there], at[there], k[there]))]
     return Zeros(k[order], at[order], c[order], rising[order], sizes[order])
 
 
-def _parted(along: Along, some: Brackets) -> Brackets:
+def _rises(some: Brackets, stretch: Stretch) -> NDArray[np.bool_]:
+    """Return whether functions rise in time at their zeros in brackets."""
+    return np.asarray((some.g_low < 0.0) != stretch.backwards)
+
+
+def _parted(along: Along, some: Brackets) -> tuple[Brackets, Brackets]:
     """Return brackets of single zeros: two for each extremum at which a function has the other sign, which are still
-    marked as its: the slope at their common end is not known.
+    marked as its: the slope at their common end is not known. And those of extrema near zero without another sign.
     """
     around, single = some.of(some.turns), some.of(~some.turns)
+    if not len(around.steps):
+        return single, around
     where = around.steps, around.columns, around.low, around.high, around.g_low, around.g_high
     middle, g_middle = _extrema(along, *where)
     two = np.where(around.g_low >= 0.0, g_middle < 0.0, g_middle > 0.0)
-    around, middle, g_middle = around.of(two), middle[two], g_middle[two]
-    left = around._replace(high=middle, g_high=g_middle)
-    right = around._replace(low=middle, g_low=g_middle)
-    return Brackets.joined([single, left, right])
+    near = ~two & (np.abs(g_middle) < NEAR_ZERO * np.minimum(np.abs(around.g_low), np.abs(around.g_high)))
+    middle, g_middle = middle[two], g_middle[two]
+    left = around.of(two)._replace(high=middle, g_high=g_middle)
+    right = around.of(two)._replace(low=middle, g_low=g_middle)
+    return Brackets.joined([single, left, right]), around.of(near)
 
 
 def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:

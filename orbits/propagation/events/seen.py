@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.body_names import index_of
 from orbits.checks import checked_flag
 from orbits.elements.frames import checked_frame
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, UnknownNameError, shown
 from orbits.propagation.events.base import Array, Bound, Sought, Whole, dot
 from orbits.propagation.events.planes import axes_of
 
@@ -19,11 +19,18 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 
+FROM_FAR = (
+    "An observer far away, such as one of an exoplanet, is a body without mass at rest in that direction: "
+    "system.add('far', q=[1e6, 0, 0] * u.au, v=[0, 0, 0] * u.au / u.day) and observer='far'."
+)
+"""What to do if no body of the system is the observer."""
+
+
 @dataclass(frozen=True)
 class Seen(Sought):
     """The base class of events of two bodies as seen from a third one.
 
-    body, other, observer : names of three bodies
+    body, other, observer : names of three bodies; one without mass, at rest far away, stands for a line of sight
     apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
         in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
@@ -31,17 +38,23 @@ class Seen(Sought):
 
     body: str
     other: str
-    observer: str = field(kw_only=True)
+    observer: str = field(default="", kw_only=True)
     apparent: bool = field(default=False, kw_only=True)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         what = type(self).__name__
-        for name in (self.body, self.other, self.observer):
+        for name in (self.body, self.other):
             if not isinstance(name, str):
                 raise InputError(
                     f"{what} of {shown(name)}; expected names, as in {what}('Venus', 'Sun', observer='Earth')."
                 )
+        if not isinstance(self.observer, str) or not self.observer:
+            got = "has no observer" if isinstance(self.observer, str) else f"has observer={shown(self.observer)}"
+            raise InputError(
+                f"{what} of {self.body!r} and {self.other!r} {got}; expected the name of a third body, as in "
+                f"{what}('Venus', 'Sun', observer='Earth'). {FROM_FAR}"
+            )
         names = self.body, self.other, self.observer
         if len(set(names)) < 3:
             twice = self.body if self.body in names[1:] else self.other
@@ -51,7 +64,12 @@ class Seen(Sought):
     def sight(self, system: System) -> Sight:
         """Return the bodies, from there. Raises InputError for one body twice, and UnknownNameError."""
         what = type(self).__name__
-        body, other, observer = (index_of(name, system.names) for name in (self.body, self.other, self.observer))
+        body, other = (index_of(name, system.names) for name in (self.body, self.other))
+        try:
+            observer = index_of(self.observer, system.names)
+        except UnknownNameError as error:
+            needed = "The observer must be a body of the system."
+            raise UnknownNameError(f"{what}.observer: {error} {needed} {FROM_FAR}") from None
         if len({body, other, observer}) < 3:
             twice = system.names[body if body in (other, observer) else other]
             raise InputError(f"{what}: {twice!r} twice; expected three bodies.")
@@ -116,8 +134,7 @@ class Conjunction(Seen):
     """Two bodies have the same longitude, as seen from a third one.
 
     body, other, observer : names of three bodies
-    frame : "ecliptic" (of J2000) for longitudes, or "icrf" (the system's own axes) for right ascensions; by default as
-        for elements
+    frame : "ecliptic" (of J2000) for longitudes, "icrf" for right ascensions, or "system"; by default `System.frame`
     apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
         in v/c; otherwise where they are
     then : "record", "stop", or what is to be done; see `orbits.Event`
@@ -134,7 +151,7 @@ class Conjunction(Seen):
         """Return the sine of the difference of longitudes, times the distances from the axis."""
         word = type(self).__name__.lower()
         sign = -1.0 if word == "opposition" else 1.0
-        return [Longitudes((word, word), self.sight(system), axes_of(system.units, self.frame), sign)]
+        return [Longitudes((word, word), self.sight(system), axes_of(system, self.frame), sign)]
 
 
 @dataclass(frozen=True)
