@@ -24,6 +24,7 @@ from benchmarks.adaptive import part_adaptive, part_crossers, part_drift, part_l
 from benchmarks.bodies import part_explicit, part_kepler, part_large, part_particles, part_ten_bodies, part_threads
 from benchmarks.energy import part_energy
 from benchmarks.ensemble import part_ensemble
+from benchmarks.error_bars import part_error_bars
 from benchmarks.jacobi_constant import part_jacobi
 from benchmarks.map_particles import part_map_particles
 from benchmarks.native import Native
@@ -75,9 +76,10 @@ PARTS = {
     "symbolic": part_symbolic,
     "pendulum": part_pendulum,
     "rotation": part_rotation,
+    "error_bars": part_error_bars,
 }
 
-LONG = {"energy", "ensemble"}
+LONG = {"energy", "ensemble", "error_bars"}
 """Parts that take minutes each, and are only run when they are named."""
 
 

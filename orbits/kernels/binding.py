@@ -353,23 +353,17 @@ def accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
     """Write the accelerations at rows of eight stages, positions and accelerations being pairs in doubled precision.
 
     close : whether q_lo is used in all distances, not only in those that matter most
-    Without a kernel for that, q_lo is not used, and out_lo is zero. What other terms of a sum add is rounded once.
+    Without a kernel for that, q_lo is not used, and out_lo is zero. What other terms of a sum give is of float64
+    numbers.
     """
     raise NotImplementedError("accelerate_finely() is for compiled code only")
 
 
 @overload(accelerate_finely, jit_options=OPTIONS)
 def _accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, q, q_lo, close, out, out_lo):
-            accelerate_finely(first_term(lagrangian), parameters[0], q, q_lo, close, out, out_lo)
-            n = bodies(lagrangian, parameters)
-            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
-
-        return summed
-    compiled = kernel_of(lagrangian, "accelerate_finely")
-    if compiled is None:
+    several = isinstance(lagrangian, SumType)
+    add_finely = kernel_of(lagrangian.terms[0] if several else lagrangian, "add_finely")
+    if add_finely is None:
 
         def rounded(lagrangian, parameters, q, q_lo, close, out, out_lo):
             accelerate(lagrangian, parameters, q, out)
@@ -377,9 +371,23 @@ def _accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
                 store(out_lo, k, full(0.0))
 
         return rounded
-    return lambda lagrangian, parameters, q, q_lo, close, out, out_lo: compiled(
-        parameters, q, q_lo, close, out, out_lo
-    )
+    if several:
+
+        def summed(lagrangian, parameters, q, q_lo, close, out, out_lo):
+            for k in range(dimension(lagrangian, parameters)):
+                store(out, k, full(0.0))
+            n = bodies(lagrangian, parameters)
+            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
+            add_finely(parameters[0], q, q_lo, close, out, out_lo)
+
+        return summed
+
+    def alone(lagrangian, parameters, q, q_lo, close, out, out_lo):
+        for k in range(dimension(lagrangian, parameters)):
+            store(out, k, full(0.0))
+        add_finely(parameters, q, q_lo, close, out, out_lo)
+
+    return alone
 
 
 def dynamical_rate(lagrangian, parameters, q, v):

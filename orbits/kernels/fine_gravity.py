@@ -10,7 +10,7 @@ Source: Dekker (1971) for the arithmetic.
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.gravity import other_pair_accelerations
+from orbits.kernels.gravity import add_other_pair_accelerations
 from orbits.kernels.lanes import any_lane, exact_add, exact_sub, fma, full, get, put, rsqrt_cubed_pair
 from orbits.kernels.summation import quick_two_sum, two_product, two_sum
 
@@ -27,11 +27,14 @@ than its rounding error, and moved into the high part."""
 
 
 @kernel
-def fine_pair_accelerations(strength, q, q_lo, close, out, out_lo):
-    """Write the accelerations of n mutually attracting bodies into (out, out_lo), for positions in doubled precision.
+def add_fine_pair_accelerations(strength, q, q_lo, close, out, out_lo):
+    """Add the accelerations of n mutually attracting bodies to `out`, as pairs with `out_lo`, for positions in doubled
+    precision.
 
     q, q_lo, out, out_lo : (3n, 8) lanes; strength : (1 + n,)
     close : whether the distances of all bodies are those of (q, q_lo), also in plain precision
+    `out` may hold the accelerations by other terms, which are smaller. Every sum from there on is one of pairs: the
+    rounding error of a float64 sum would move the centre of mass, by as much for a light third body as for a heavy one.
     """
     n = strength.shape[0] - 1
     heaviest = 0
@@ -43,15 +46,13 @@ def fine_pair_accelerations(strength, q, q_lo, close, out, out_lo):
         put(out_lo, k, zero)
     if n > FEW:
         if close:
-            other_pair_accelerations(strength, q, q_lo, heaviest, out)
+            add_other_pair_accelerations(strength, q, q_lo, heaviest, out)
         else:
-            other_pair_accelerations(strength, q, None, heaviest, out)
+            add_other_pair_accelerations(strength, q, None, heaviest, out)
         for i in range(n):
             if i != heaviest:
                 _add_pair(strength, q, q_lo, heaviest, i, out, out_lo)
     else:
-        for k in range(3 * n):
-            put(out, k, zero)
         for j in range(n):
             for i in range(j):
                 _add_pair(strength, q, q_lo, j, i, out, out_lo)
@@ -77,22 +78,30 @@ def _add_pair(strength, q, q_lo, j, i, out, out_lo):
         _add(pull, pull_lo, y, y_lo, out, out_lo, n + i)
         _add(pull, pull_lo, z, z_lo, out, out_lo, 2 * n + i)
     else:
-        _add_plainly(n, (w + w_lo) * gm_j, x, y, z, out, i)
+        _add_plainly(n, (w + w_lo) * gm_j, x, y, z, out, out_lo, i)
     if gm_i > LIGHT * gm_j:
         pull, pull_lo = _times(w, w_lo, -gm_i)
         _add(pull, pull_lo, x, x_lo, out, out_lo, j)
         _add(pull, pull_lo, y, y_lo, out, out_lo, n + j)
         _add(pull, pull_lo, z, z_lo, out, out_lo, 2 * n + j)
     else:
-        _add_plainly(n, (w + w_lo) * -gm_i, x, y, z, out, j)
+        _add_plainly(n, (w + w_lo) * -gm_i, x, y, z, out, out_lo, j)
 
 
 @kernel(inline=True)
-def _add_plainly(n, pull, x, y, z, out, i):
-    """Add pull (x, y, z) to the acceleration of body i of n."""
-    put(out, i, get(out, i) + pull * x)
-    put(out, n + i, get(out, n + i) + pull * y)
-    put(out, 2 * n + i, get(out, 2 * n + i) + pull * z)
+def _add_plainly(n, pull, x, y, z, out, out_lo, i):
+    """Add the float64 numbers pull (x, y, z) to the acceleration of body i of n."""
+    _add_number(pull * x, out, out_lo, i)
+    _add_number(pull * y, out, out_lo, n + i)
+    _add_number(pull * z, out, out_lo, 2 * n + i)
+
+
+@kernel(inline=True, exact=True)
+def _add_number(own, out, out_lo, k):
+    """Add a float64 number to component k of (out, out_lo)."""
+    s, e = two_sum(get(out, k), own)
+    put(out, k, s)
+    put(out_lo, k, get(out_lo, k) + e)
 
 
 @kernel(inline=True, exact=True)

@@ -42,6 +42,7 @@ def pair_accelerations(strength, q, out):
 
     q, out : (3n,) float64 or (3n, 8) lanes; strength : (1 + n,)
     """
+    _clear(strength, q, out)
     _add_pairs(strength, q, None, NOBODY, out)
 
 
@@ -51,23 +52,32 @@ def close_pair_accelerations(strength, q, q_lo, out):
 
     q_lo : the low parts, with the shape of q
     """
+    _clear(strength, q, out)
     _add_pairs(strength, q, q_lo, NOBODY, out)
 
 
 @kernel
-def other_pair_accelerations(strength, q, q_lo, without, out):
-    """As `close_pair_accelerations`, without the pairs of one body, the number `without`, whose acceleration is 0."""
+def add_other_pair_accelerations(strength, q, q_lo, without, out):
+    """Add to `out` what `close_pair_accelerations` writes, but for the pairs of one body, the number `without`.
+
+    q_lo : the low parts, or None
+    """
     _add_pairs(strength, q, q_lo, without, out)
 
 
 @kernel(inline=True)
+def _clear(strength, q, out):
+    """Write zeros."""
+    zero = get(q, 0) * 0.0
+    for k in range(3 * (strength.shape[0] - 1)):
+        put(out, k, zero)
+
+
+@kernel(inline=True)
 def _add_pairs(strength, q, q_lo, without, out):
-    """Write the accelerations; q_lo is None for positions without low parts."""
+    """Add the accelerations to `out`; q_lo is None for positions without low parts."""
     n = strength.shape[0] - 1
     softening2 = strength[0]
-    zero = get(q, 0) * 0.0
-    for k in range(3 * n):
-        put(out, k, zero)
     for i in range(n):
         if i == without:
             continue

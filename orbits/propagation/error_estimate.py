@@ -1,10 +1,12 @@
 """The error of a run, from two companions: one with finer steps, and one with other rounding errors.
 
 The first has steps of 0.7 times the length; with a method of order p, its difference from the run, divided by
-1 - 0.7^p, is the error that the steps cause. All its rounding errors are others, also those of the coefficients. The
-second has the steps of the run and a start that is changed beyond the last bit, in the low parts of positions and
-velocities: by at most a tenth of a unit in the last place, which is less than the round-off of an orbit. Its rounding
-errors are others after few steps, but of the same size.
+1 - 0.7^p, is the error that the steps cause. The second has steps that are shorter by a thousandth: all its rounding
+errors are others, also those of the coefficients, and of the same size; the p thousandths of the error of the steps by
+which it differs, too, are taken off. Both start from the floats of the run. (A start changed beyond its last bit would
+have other rounding errors, too, but the run's response to the change is not round-off: that of a moon, whose
+coordinates about the barycentre of the system are a thousand times its distance from its planet, was a hundred times
+larger than its error.)
 
 Round-off is a random walk, on which the flow acts as on any other error, so that the difference of two runs is as large
 as the error of each, wherever that has grown to. See `SAFETY` in `error_bars` for what is left to chance.
@@ -27,7 +29,6 @@ from orbits.system.model import model
 
 if TYPE_CHECKING:
     from orbits.marching.clocks import Clock
-    from orbits.marching.marcher import Marcher
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -36,10 +37,8 @@ FINER = 0.7
 """The steps of the first companion, as a fraction of those of the run. Not a power of two, with which multiples of h
 would have the rounding errors of the run."""
 
-CHANGED = 0.1
-"""The largest change of the start of the second companion, in units in the last place."""
-
-SEED = 53
+ALIKE = 0.999
+"""The same for the second companion: its error of the steps is nearly that of the run, so that it cancels."""
 
 
 def error_bars(run: Trajectory, threads: int | None = None) -> ErrorBars:
@@ -47,9 +46,10 @@ def error_bars(run: Trajectory, threads: int | None = None) -> ErrorBars:
     _check(run)
     clock, order = run.clock, run.integrator.order_with(model(run.system).lagrangian)
     with StopRequest() as stop:
-        finer, one = _followed(run, clock.finer(run.integrator, FINER), False, threads, stop)
+        finer, one = _followed(run, clock.finer(run.integrator, FINER), threads, stop)
         finer /= 1.0 - FINER**order
-        other, two = _followed(run, clock, True, threads, stop)
+        other, two = _followed(run, clock.finer(run.integrator, ALIKE), threads, stop)
+        other -= (1.0 - ALIKE**order) * finer
     if stop.name:
         raise Interrupted(f"{stop.name} came while the error was estimated, after the run", trajectory=run)
     failures = {"finer steps": one, "other rounding": two}
@@ -72,19 +72,13 @@ def _check(run: Trajectory) -> None:
         )
 
 
-def _followed(
-    run: Trajectory, clock: Clock, changed: bool, threads: int | None, stop: StopRequest
-) -> tuple[Array, str]:
+def _followed(run: Trajectory, clock: Clock, threads: int | None, stop: StopRequest) -> tuple[Array, str]:
     """Return how far a companion with this clock is from the run at its samples, (n, bodies, 6), NaN from where it
     failed, and why it did.
-
-    changed : whether it starts from low parts that are not zero
     """
     out = np.full((len(run), len(run.names), 6), np.nan)
     marcher = bound(run.system, run.integrator, clock, threads)
     try:
-        if changed:
-            _change(marcher)
         for k in np.argsort(run.times * clock.direction, kind="stable").tolist():
             if stop.name:
                 break
@@ -98,12 +92,3 @@ def _followed(
     finally:
         marcher.close()
     return out, ""
-
-
-def _change(marcher: Marcher) -> None:
-    """Change the start of a march beyond the last bit, but not the zeros in it: a plane problem stays plane."""
-    start, random = marcher.checkpoint(seen=True), np.random.default_rng(SEED)
-    for name in ("q", "v", "particle_q", "particle_v"):
-        x = start[name]
-        start[f"{name}_lo"] = random.uniform(-CHANGED, CHANGED, x.shape) * np.spacing(np.abs(x)) * (x != 0.0)
-    marcher.restore(start, seen=True)

@@ -14,7 +14,6 @@ from orbits.elements import state_from_elements
 from orbits.errors import InputError, Interrupted, UnknownNameError
 from orbits.propagation import error_bars, error_estimate
 from orbits.regression.reference import exact
-from tests.random_systems import hundred, truth, ways_of
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 YEAR = 2 * np.pi
@@ -60,38 +59,6 @@ def judged(bar, error, least):
     return error <= bar, bar > 30 * np.maximum(error, least)
 
 
-@pytest.mark.slow  # 40 s, most of it for the truth
-def test_bars_contain_nine_errors_of_ten_in_a_hundred_random_systems_and_are_rarely_thirty_times_larger():
-    pytest.importorskip("heyoka")
-    rng = np.random.default_rng(5)
-    within, beyond, ends, failed = [], [], [], 0
-    for case in hundred(20260101):
-        times = case.span * np.arange(1, 13) / 12
-        high, low = truth(case, times)
-        for method, dt in ways_of(rng, case):
-            try:
-                run = orbits.propagate(case.system, method, dt=dt, duration=case.span, samples=times, check_step=False)
-            except orbits.ConvergenceError:  # a step that is far too long
-                failed += 1
-                continue
-            bars = run.error_estimate()
-            for part, x, bar in ((slice(0, 3), run.q, bars.position), (slice(3, 6), run.v, bars.velocity)):
-                error = lengths((x.value - high[..., part]) - low[..., part])
-                inside, large = judged(bar.value, error, lengths(np.spacing(np.abs(x.value))) / 4)
-                within.append(inside.mean())
-                beyond.append(large.mean())
-            error = lengths((run.q.value[-1] - high[-1, :, :3]) - low[-1, :, :3]).max()
-            ends.append(judged(bars.position.value[-1].max(), error, 0.0))
-    worst_within, worst_beyond = np.mean(ends, axis=0)
-    # What is asked is 0.9 and 0.1. Seen: 0.955 and 0.038 of all samples and bodies, 0.941 and 0.048 of the worst body
-    # at the end; three seeds differed by 0.01.
-    assert failed < 10
-    assert np.mean(within) > 0.94
-    assert np.mean(beyond) < 0.06
-    assert worst_within > 0.92
-    assert worst_beyond < 0.07
-
-
 def test_bars_contain_the_errors_of_binaries_against_the_exact_solution_and_are_rarely_thirty_times_larger():
     rng = np.random.default_rng(2)
     within, beyond = [], []
@@ -123,13 +90,21 @@ def test_where_the_steps_limit_a_run_the_bar_is_twice_its_error(method, steps):
     assert "steps" in repr(bars)
 
 
-def test_the_second_companion_has_rounding_errors_of_its_own_as_large_as_the_error_of_the_run():
-    system = binary(0.2)
-    run = run_of(system, dt=YEAR / 30, duration=300 * YEAR)
-    error = lengths(run.q.value - exact(system.values, run.times).q)[6:]
-    own = run.error_estimate().by_rounding.value[6:]
-    # Two random walks: their ratio scatters by a factor of a few. Without the changed start the second is exactly zero.
-    assert 0.2 < np.sqrt(np.mean(own**2) / np.mean(error**2)) < 5  # 0.6 ... 3 seen for other eccentricities
+@pytest.mark.parametrize("away", [0.0, 100.0])
+@pytest.mark.parametrize("dt", [None, YEAR / 30])
+def test_the_second_companion_differs_by_round_off_not_by_the_response_to_another_start(dt, away):
+    logs = []
+    for e in (0.1, 0.2, 0.3):
+        values = binary(e).values
+        q = values.q + away  # as of a planet with a moon: the last digits of the start are a hundred times coarser
+        system = orbits.System(["A", "B"], values.gm, q, values.v, units=orbits.DIMENSIONLESS)
+        run = run_of(system, dt=dt, duration=100 * YEAR)
+        error = lengths(run.q.value - exact(system.values, run.times).q)[6:]
+        own = run.error_estimate().by_rounding.value[6:]
+        logs.append(0.5 * np.log(np.mean(own**2) / np.mean(error**2)))
+    # The ratio of two random walks scatters by a factor of a few: 0.5 ... 4 here. That of a run from a start changed by
+    # a tenth of a unit in the last place is 50 and 230 for the pair far away, and grows with time.
+    assert 0.2 < np.exp(np.mean(logs)) < 10
 
 
 def test_a_strict_tolerance_is_compared_with_a_looser_one_so_that_the_companion_can_still_be_marched():
