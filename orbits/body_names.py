@@ -70,7 +70,8 @@ def index_of(name: str, names: Sequence[str], what: str = "body", *, of: str = "
     hint = f" Did you mean {' or '.join(map(repr, meant[:3]))}?" if meant else ""
     if given in EARTH_AND_MOON and BOTH in meant:
         hint = f" {BOTH!r} stands for both; System.solar_system(bodies=[..., 'Earth', 'Moon']) has them as two bodies."
-    raise UnknownNameError(f"{of}there is no {what} {shown(name)}{role}; expected one of {few(names)}.{hint}")
+    expected = f"expected one of {few(names)}" if names else "there are none at all"
+    raise UnknownNameError(f"{of}there is no {what} {shown(name)}{role}; {expected}.{hint}")
 
 
 def place_of(name: object, names: Sequence[str]) -> int | None:

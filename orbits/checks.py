@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, OutOfRangeError, shown
 
 Floats = NDArray[np.float64]
 
@@ -47,6 +48,11 @@ def is_whole(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
 
 
+def is_one_of(value: Any, words: Collection[str]) -> bool:
+    """Whether a value is one of some words; an array, which compares with each of its elements, is none."""
+    return isinstance(value, str) and value in words
+
+
 def whole_number(value: Any, what: str, *, least: int = 1, most: int | None = None) -> int:
     """Return a count. Raises InputError, naming it, unless it is a whole number from `least` to `most`."""
     if not is_whole(value) or value < least:
@@ -54,6 +60,21 @@ def whole_number(value: Any, what: str, *, least: int = 1, most: int | None = No
     if most is not None and value > most:
         raise InputError(f"{what} = {shown(value)}: at most {most:.0e} are possible; take fewer")
     return int(value)
+
+
+def place_in(count: int, key: Any, known_as: str, kinds: str, expected: str) -> int:
+    """Return the place that an index means in a sequence of `count`, negative ones counting from the end.
+
+    known_as, kinds, expected : for messages, what is indexed, what it holds and what may be asked: "run.events",
+        "events", "an index or a slice"
+    Raises OutOfRangeError for a place that there is not, InputError for anything but a whole number.
+    """
+    if not is_whole(key):
+        raise InputError(f"{known_as}[{shown(key)}]: expected {expected}.")
+    if -count <= key < count:
+        return int(key) % count
+    places = f"expected a number from -{count} to {count - 1}" if count else f"expected {expected}"
+    raise OutOfRangeError(f"{known_as}[{shown(key)}]: the number of {kinds} is {count:,}; {places}.")
 
 
 def single_number(value: Any, what: str) -> float:
@@ -171,7 +192,7 @@ def pole_direction(value: Any, what: str, units: Any) -> tuple[float, float, flo
         if not abs(dec) <= np.pi / 2 + 1e-12:
             raise InputError(f"{what} has the declination {dec:g} rad; plain numbers are radians, degrees need u.deg.")
         found = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
-    elif count == 3:
+    elif count == 3 and np.ndim(value) == 1:
         found = np.asarray(units.pure_value(value, what), dtype=np.float64)
     else:
         raise InputError(f"{what} is {shown(value)}; {expected}.")

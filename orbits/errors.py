@@ -28,6 +28,10 @@ class UnknownNameError(InputError):
     """A body, method, scenario, option or file that does not exist."""
 
 
+class OutOfRangeError(InputError, IndexError):
+    """An index beyond the ends of a sequence."""
+
+
 class EpochError(InputError):
     """An epoch outside an ephemeris, or epochs that do not match."""
 
@@ -149,13 +153,14 @@ class Interrupted(KeyboardInterrupt):
     failed ones (`except Exception: continue`).
 
     trajectory : the samples computed so far, a `Trajectory`; of a list of systems, a list of these, in its order
+    what : the message without its last part, the remedy, which tells how to go on
     """
 
     exit_code = 130
 
-    def __init__(self, message: str, *, trajectory: Any = None) -> None:
-        super().__init__(message)
-        self.trajectory = trajectory
+    def __init__(self, what: str, remedy: str = "", *, trajectory: Any = None) -> None:
+        super().__init__(f"{what}; {remedy}" if remedy else what)
+        self.what, self.trajectory = what, trajectory
 
 
 class OutOfTime(OrbitsError):

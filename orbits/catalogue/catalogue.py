@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from orbits.catalogue.classes import CLASSES, GROUPS
 from orbits.catalogue.names import is_comet, plain
-from orbits.checks import is_whole
-from orbits.errors import InputError, UnknownNameError, shown
+from orbits.checks import is_whole, place_in
+from orbits.errors import InputError, OutOfRangeError, UnknownNameError, shown
 
 Floats = NDArray[np.float64]
 
@@ -88,9 +88,15 @@ class Catalogue:
         """Return the rows selected by name, index, slice, mask or array of indices, in the order given."""
         if isinstance(key, str):
             return self[[row_of_name(key, {plain(name): row for row, name in enumerate(self.names)}, self)]]
-        if isinstance(key, int | np.integer):
-            key = [range(len(self))[int(key)]]
-        rows = np.arange(len(self))[key]
+        expected = "a name, an index, a slice, a mask or an array of indices"
+        if not isinstance(key, slice) and np.ndim(key) == 0:
+            key = [place_in(len(self), key, "catalogue", "bodies", expected)]
+        try:
+            rows = np.atleast_1d(np.arange(len(self))[key])
+            if rows.ndim > 1:
+                raise ValueError(f"rows of shape {rows.shape}")
+        except (IndexError, TypeError, ValueError) as error:
+            raise OutOfRangeError(f"catalogue[{shown(key)}]: {error}; expected {expected}.") from None
         return replace(
             self,
             names=tuple(self.names[row] for row in rows),

@@ -1,17 +1,20 @@
-"""The two named reference frames: the ICRF and the ecliptic of J2000.
+"""The frames of elements: the ecliptic of J2000, the ICRF, and the axes of the system itself.
 
-Ephemerides use the ICRF; orbital elements are published in the ecliptic of J2000. The two share the x axis (the vernal
-equinox) and differ by a rotation about it through the obliquity of 84381.448 arcseconds, the IAU 1976 value, which
-JPL's Horizons and Small-Body Database use as well.
+Ephemerides use the ICRF; orbital elements in the Solar System are published in the ecliptic of J2000, those elsewhere
+in axes that each paper defines, such as the plane of the sky. Ecliptic and ICRF share the x axis (the vernal equinox)
+and differ by a rotation about it through the obliquity of 84381.448 arcseconds, the IAU 1976 value, which JPL's
+Horizons and Small-Body Database use as well.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.body_names import place_of
 from orbits.elements.kepler_equation import Floats
 from orbits.elements.refusals import shaped
 from orbits.errors import UnknownNameError, shown
@@ -20,13 +23,17 @@ from orbits.units import UnitSystem
 OBLIQUITY = math.radians(84381.448 / 3600.0)
 """The obliquity of the ecliptic at J2000, radians."""
 
-FRAMES = ("icrf", "ecliptic")
-"""The names of the frames; "icrf" also means the axes of the states themselves, whatever they are."""
+FRAMES: Mapping[str, str] = {"ecliptic": "ecliptic of J2000", "icrf": "ICRF", "system": "axes of the system"}
+"""The names of the frames, and what they are called. A system with the Sun has the axes of the ICRF, so that "icrf" and
+"system" are the same there; of other systems "icrf" says that they have.
+"""
 
 
-def default_frame(units: UnitSystem) -> str:
-    """Return the default frame of elements: the ecliptic in physical units, the axes of the states without units."""
-    return "ecliptic" if units.is_physical else "icrf"
+def default_frame(units: UnitSystem, names: Sequence[str]) -> str:
+    """Return the frame of a system's elements, pictures and planes: "ecliptic" with the Sun, in physical units, and
+    otherwise "system".
+    """
+    return "ecliptic" if units.is_physical and place_of("Sun", names) is not None else "system"
 
 
 def ecliptic_to_icrf(x: ArrayLike) -> Floats:
@@ -40,7 +47,7 @@ def icrf_to_ecliptic(x: ArrayLike) -> Floats:
 
 
 def to_frame(x: ArrayLike, frame: str) -> Floats:
-    """Transform vectors from the ICRF to `frame`, "icrf" or "ecliptic", shape (..., 3).
+    """Transform vectors from the axes of a system to `frame`, shape (..., 3).
 
     Raises UnknownNameError for any other frame.
     """
@@ -48,7 +55,7 @@ def to_frame(x: ArrayLike, frame: str) -> Floats:
 
 
 def from_frame(x: ArrayLike, frame: str) -> Floats:
-    """Transform vectors from `frame`, "icrf" or "ecliptic", to the ICRF, shape (..., 3).
+    """Transform vectors from `frame` to the axes of a system, shape (..., 3).
 
     Raises UnknownNameError for any other frame.
     """
@@ -61,7 +68,7 @@ def checked_frame(frame: str) -> str:
         return frame.lower()
     raise UnknownNameError(
         f"there is no frame {shown(frame)}; expected one of {', '.join(map(repr, FRAMES))}: 'ecliptic' is the ecliptic "
-        "and equinox of J2000, 'icrf' the axes of the ephemerides (and of the system itself)"
+        "and equinox of J2000, 'icrf' the axes of the ephemerides, 'system' those of the system itself"
     )
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from astropy import units as u
 
-from orbits.checks import is_whole
-from orbits.errors import InputError, shown, with_unit
+from orbits.checks import place_in
+from orbits.errors import with_unit
 from orbits.export import html_pairs
 
 if TYPE_CHECKING:
@@ -59,16 +59,12 @@ class Bodies:
     __slots__ = ()
 
     def __getitem__(self, key: str | int) -> Body:
-        """Return a body by name or index (negative ones from the end). Raises UnknownNameError or IndexError."""
+        """Return a body by name or index (negative ones from the end). Raises UnknownNameError or OutOfRangeError."""
         system: System = self  # type: ignore[assignment]
         if isinstance(key, str):
             i = system.index(key)
-        elif is_whole(key):
-            if not -len(system) <= key < len(system):
-                raise IndexError(f"body {key} of a system with {len(system)} bodies")
-            i = int(key) % len(system)
         else:
-            raise InputError(f'system[{shown(key)}]: expected a name, system["Sun"], or an index, system[0].')
+            i = place_in(len(system), key, "system", "bodies", 'a name, system["Sun"], or an index, system[0]')
         mass = u.Quantity(system.values.gm[i] / system.units.G, system.units.mass)
         radius = None if system.radii is None else system.radii[i]
         return Body(system.names[i], system.gm[i], mass, system.q[i], system.v[i], radius)

@@ -143,7 +143,7 @@ def new_states(
     two_body_gm = _two_body_gm(system, names, gm, around)
     floats = {key: per_body(_element(key, value, names, system), key, names) for key, value in given.items()}
     q, v = kepler.state_from_elements(two_body_gm, **floats, names=names)
-    frame = kepler.default_frame(units) if frame is None else frame
+    frame = kepler.default_frame(units, (*system.names, *names)) if frame is None else frame
     return _placed(system, gm, around, kepler.from_frame(q, frame), kepler.from_frame(v, frame))
 
 

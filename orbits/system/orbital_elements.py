@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits import diagnostics
 from orbits.body_names import chosen, few, index_of, with_article
-from orbits.elements import default_frame, elements_from_state, to_frame
+from orbits.elements import FRAMES, elements_from_state, to_frame
 from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
 from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
@@ -33,7 +33,7 @@ class OrbitalElements(Tabular):
     names : the bodies, in the order of the last axis, without the primary
     primary : the centre of the orbits: a body, "barycentre" (of the massive bodies) or "jacobi" (the centre of mass of
         the preceding bodies)
-    frame : the frame of the angles, "ecliptic" (of J2000) or "icrf" (the axes of the system itself)
+    frame : the frame of the angles, "ecliptic" (of J2000), "icrf" or "system" (the axes of the system itself)
     t : time of the states since the epoch, shape () or (samples,);  epoch : a Time, or None
     a, e, q, inc, Omega, omega, pomega, M, E, f, u, l, theta, n, P, T, h, k, ix, iy : as defined for every conic in
         `orbits.elements.Elements`; angles in radians, T a time since the epoch
@@ -118,7 +118,7 @@ class OrbitalElements(Tabular):
         return text_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
-        what = f"elements of {few(self.names)} about {with_article(self.primary)}, {self.frame}"
+        what = f"elements of {few(self.names)} about {with_article(self.primary)}, {FRAMES[self.frame]}"
         if not self.t.ndim:
             return what
         return f"{what}, lowest ... highest of {len(self.t):,} samples, {presenting.span(self.t)}"
@@ -155,7 +155,7 @@ def osculating(
     *,
     units: UnitSystem,
     primary: str,
-    frame: str | None = None,
+    frame: str,
     t: ArrayLike = 0.0,
     epoch: Time | None = None,
 ) -> OrbitalElements:
@@ -165,12 +165,11 @@ def osculating(
     epoch : of t = 0, passed on to the result
     primary : a body, with the GM of both; "barycentre", the centre of mass of all massive bodies, with the GM of all;
         or "jacobi", the centre of mass of the preceding bodies, with their GM and the body's own
-    frame : "ecliptic", "icrf", or None for the ecliptic, or the system's axes if units are dimensionless
+    frame : one of `orbits.elements.FRAMES`
 
     Raises UnknownNameError for a primary or a frame that does not exist, InputError, naming the body, for a state
     without elements.
     """
-    frame = default_frame(units) if frame is None else frame
     around = new_bodies.centre_of_several(names, primary) or names[index_of(primary, names, "primary")]
     if around in new_bodies.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]

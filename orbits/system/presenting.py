@@ -9,7 +9,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import chosen
+from orbits.body_names import chosen, few
 from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
 from orbits.system.model import to_json
@@ -22,6 +22,14 @@ Floats = NDArray[np.float64]
 
 NANOSECONDS = 9
 """Decimal digits of the seconds of an epoch, as many as astropy can write."""
+
+
+def in_words(system: System) -> str:
+    """Return bodies, epoch, units and what acts, as in the repr of a system, and as a campaign knows its systems."""
+    particles = int(np.count_nonzero(~system.massive))
+    kinds = f"{len(system) - particles} massive" + (f", {particles} massless" if particles else "")
+    epoch = "no epoch" if system.epoch is None else f"epoch {date_text(system.epoch, between='T')} TDB"
+    return f"{few(system.names)}; {kinds}; {epoch}; units {system.units.name}{system._acting()}"
 
 
 def attributes(system: System) -> dict[str, str | float]:

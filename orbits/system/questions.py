@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from astropy import units as u
 
 from orbits import diagnostics
+from orbits.elements import default_frame
 from orbits.system import new_bodies
 from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, centre, of_rigid, whole
 from orbits.system.orbital_elements import OrbitalElements, osculating
@@ -48,13 +49,23 @@ class Questions:
         _, q, v, _ = system.values
         return u.Quantity(centre(system, q[system.massive], v[system.massive]), system.units.length)
 
+    @property
+    def frame(self) -> str:
+        """The frame of elements, pictures and planes where none is named.
+
+        It is "ecliptic", that of J2000, if one of the bodies is called "Sun" and units are physical: the axes of the
+        system are then taken for those of the ICRF. Otherwise it is "system", the axes of the system itself.
+        """
+        system: System = self  # type: ignore[assignment]
+        return default_frame(system.units, system.names)
+
     def elements(self, primary: str | None = None, frame: str | None = None) -> OrbitalElements:
         """Return the osculating elements of all other bodies; see `OrbitalElements`.
 
         primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi", the centre of mass of
             the preceding bodies. The two-body GM is the sum of the body's and the primary's. Optional if only one body
             has mass
-        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `add`
+        frame : "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
 
         Raises UnknownNameError for a primary or frame that does not exist, InputError, naming the body, for a state
         without elements: at the position of the primary, or moving straight towards or away from it.
@@ -62,4 +73,5 @@ class Questions:
         system: System = self  # type: ignore[assignment]
         gm, q, v, _ = system.values
         primary = new_bodies.primary_name(system.names, gm, primary)
+        frame = system.frame if frame is None else frame
         return osculating(system.names, gm, q, v, units=system.units, primary=primary, frame=frame, epoch=system.epoch)

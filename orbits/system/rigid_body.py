@@ -118,7 +118,7 @@ class RigidBody:
         plain = unit.is_equivalent(u.dimensionless_unscaled)
         if plain and self.radius is not None:
             R = _one(units.length_value(self.radius, f"{whose}: radius"), self.radius, f"{whose}: radius", above=0.0)
-            return units.pure_value(x, f"{whose}: {axis}") * R**2
+            return units.pure_value(x, f"{whose}: {axis}") * (R * R)
         if self.radius is not None:
             raise InputError(
                 f"{whose}: {axis} is {shown(x)}, with a unit, but radius is given, which is for moments divided by "
@@ -180,7 +180,7 @@ class RigidBody:
             return rotations.start((0.0, 0.0, 0.0), found)[0]
         except InputError as error:
             raise InputError(f"{whose}: {error}") from None
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(
                 f"{whose}: attitude is {shown(given)}; expected a quaternion, (4,), a matrix, (3, 3), or the name of a "
                 "body."

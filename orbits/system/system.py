@@ -9,7 +9,8 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import checked_names, few, index_of, place_of
+from orbits.body_names import checked_names, index_of, place_of
+from orbits.elements import FRAMES, default_frame
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import Labelled, Tabular
 from orbits.point_masses import PointMasses
@@ -17,10 +18,10 @@ from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
 from orbits.system.catalogues import FromCatalogues
 from orbits.system.model import Modelled, centre, centre_velocity, seen_from, together, without
-from orbits.system.presenting import labelled_state, state_html
+from orbits.system.presenting import in_words, labelled_state, state_html
 from orbits.system.questions import Questions
 from orbits.system.solar import models
-from orbits.units import SOLAR, UnitSystem, as_epoch, date_text
+from orbits.units import SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -36,7 +37,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
 
     names : n different strings of 1 to 128 printable characters
     gm : (n,) G times mass, >= 0; a body with gm = 0 is a massless particle: it is attracted, and attracts nothing
-    q, v : (n, 3) positions and velocities in an inertial frame, with ICRF axes if elements or ephemerides are used
+    q, v : (n, 3) positions and velocities in an inertial frame, with the axes of the ICRF if a body is the "Sun" and
+        elements in the ecliptic of J2000, or ephemerides, are used; see `frame`
     epoch : a Time, a string or a Julian date (TDB unless it has another scale), or None
     units : the system's units, `SOLAR`, `DIMENSIONLESS` or a `UnitSystem` of your own
     radii : (n,) radii of the bodies, or None
@@ -128,15 +130,20 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     ) -> Self:
         """Return a primary and bodies in orbit around it; the barycentre of the massive ones is at rest at the origin.
 
+        Angles are in the ecliptic of J2000 if a body is called "Sun" and units are physical, and otherwise in the axes
+        of the system itself: those of exoplanets from the plane of the sky, as they are published. See `System.frame`.
+
             System.from_elements({
                 "Sun": dict(mass=1 * u.M_sun),
                 "Jupiter": dict(a=5.2 * u.au, e=0.049, inc=1.3 * u.deg, mass=1 * u.M_jup),
                 "Ceres": dict(a=2.77 * u.au, e=0.08, M=90 * u.deg),
             })
+            System.from_elements({"TOI-700": dict(mass=0.42 * u.M_sun), "d": dict(P=37.4 * u.day, inc=89.9 * u.deg)})
 
         bodies : the first entry is the primary, with gm or mass and no elements; the others have the arguments of
             `add`. Their primary is the first body, unless they name a preceding one: primary="Jupiter"
-        epoch, units, softening : as in `System`;  frame : as in `add`, for all bodies without a frame of their own
+        epoch, units, softening : as in `System`
+        frame : as in `add`, for all bodies without a frame of their own
 
         Raises InputError and UnknownNameError as `add` does.
         """
@@ -144,6 +151,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         gm, radius = new_bodies.primary(first, bodies[first], state_checks.checked_units(units))
         radii = None if radius is None else [radius]
         zero = np.zeros((1, 3))
+        frame = default_frame(units, checked_names(bodies)) if frame is None else frame
         system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)
         for name, given in rest.items():
             system = system.add(name, **{"primary": first, "frame": frame, **given})
@@ -211,7 +219,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
             integrated along, so that a run needs dt; 0 for none. The GM are those of DE440
         bodies : those of Sun, planets, Pluto, Moon that are wanted, all by default; without : asteroids to leave out
         relativity, figures : whether the relativity of Sun, planets and Moon, and the zonal harmonics of the Sun (J2)
-            and of the Earth (J2 to J4, about the pole of J2000), act on the small bodies, as in JPL's integrations
+            and of the Earth (J2 to J4, about the pole of J2000), act on the small bodies, as in JPL's integrations (but
+            Horizons mostly leaves out the Sun's J2: see "What is in the model" of the documentation)
 
         The origin is the barycentre of the Solar System. Bodies are added as to any system, most of them massless; one
         with a mass, a billionth of the Sun's at most, is integrated too, and attracts all but those of the ephemeris.
@@ -237,6 +246,9 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     ) -> Self:
         """Return this system with one or several more bodies at the end. The other bodies do not change.
 
+        Angles of elements are in `frame`: by default in the ecliptic of J2000 if one of the bodies is the Sun, and
+        otherwise in the axes of the system.
+
             system.add("Ceres", primary="Sun", a=2.77 * u.au, e=0.08, inc=10.6 * u.deg)
             system.add([f"ring {i}" for i in range(100)], primary="Sun", a=3 * u.au, M=np.linspace(0, 6.2, 100))
             system.add("probe", primary="Earth", q=[7000, 0, 0] * u.km, v=[0, 7.5, 0] * u.km / u.s)
@@ -250,8 +262,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
             distance; a < 0 for a hyperbola; a parabola is q with e = 1), e, inc, Omega, omega or pomega, and one of
             M, f, E, u, l, theta (angles; plain numbers are radians) or T (pericentre passage: a time since the epoch,
             or a Time); or Pal's a, l, h, k, ix, iy. `orbits.elements.state_from_elements` defines each of them
-        frame : the frame of the angles, "ecliptic" (of J2000) or "icrf" (the axes of the system itself); by default
-            the ecliptic, or the system's axes if units are dimensionless
+        frame : the frame of the angles, "ecliptic" (of J2000), "icrf" or "system" (the axes of the system itself); by
+            default `System.frame` of the new system
         q and v : instead of elements, position and velocity in the system's axes, relative to the primary, or to the
             origin if no primary is named
 
@@ -447,7 +459,5 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
         return state_html(self)
 
     def __repr__(self) -> str:
-        particles = int(np.count_nonzero(~self.massive))
-        kinds = f"{len(self) - particles} massive" + (f", {particles} massless" if particles else "")
-        epoch = "no epoch" if self._epoch is None else f"epoch {date_text(self._epoch, between='T')} TDB"
-        return f"System({few(self.names)}; {kinds}; {epoch}; units {self.units.name}{self._acting()})"
+        axes = f"; elements: {FRAMES[self.frame]}" if self.frame != "system" else ""
+        return f"System({in_words(self)}{axes})"

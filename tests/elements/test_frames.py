@@ -33,7 +33,7 @@ def test_frames_go_by_name() -> None:
 
 
 def test_unknown_frames_and_shapes_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="no frame 'galactic'; expected one of 'icrf', 'ecliptic'"):
+    with pytest.raises(UnknownNameError, match="no frame 'galactic'; expected one of 'ecliptic', 'icrf', 'system'"):
         to_frame([1.0, 0.0, 0.0], "galactic")
     with pytest.raises(InputError, match=r"shape \(2,\); expected \(..., 3\)"):
         ecliptic_to_icrf([1.0, 0.0])

@@ -60,7 +60,7 @@ def test_bodies_are_equal_where_their_names_and_values_are() -> None:
 
 @pytest.mark.parametrize(("key", "error"), [(2, IndexError), (-3, IndexError), (True, InputError), (None, InputError)])
 def test_what_names_no_body_is_refused(key: object, error: type[Exception]) -> None:
-    with pytest.raises(error, match=r"body|expected a name"):
+    with pytest.raises(error, match=r"bodies|expected a name"):
         plain(["a", "b"])[key]  # type: ignore[index]
 
 

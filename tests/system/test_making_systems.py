@@ -70,7 +70,38 @@ def test_the_mass_of_the_body_itself_counts_for_its_period() -> None:
     np.testing.assert_allclose(pair.elements("A").P.value, 2 * math.pi / math.sqrt(2), rtol=4 * EPS)
 
 
-def test_elements_refer_to_the_ecliptic_unless_a_frame_or_dimensionless_units_say_otherwise() -> None:
+def test_elements_of_a_system_without_the_sun_are_in_its_own_axes() -> None:
+    """A transiting planet at 89.9 degrees stays there, in the axes of the system, as in the paper and in REBOUND."""
+    planet = {"P": 3.5, "e": 0.1, "inc": 89.9 * u.deg, "Omega": 0.3, "omega": 1.2, "M": 2.0}
+    made = System.from_elements({"WASP-1": {"mass": 1.2}, "b": planet})
+    h = np.cross(*(x[1] - x[0] for x in made.values[1:3]))
+    assert h[2] / np.linalg.norm(h) == pytest.approx(math.cos(math.radians(89.9)), rel=1e-12)
+    assert (made.frame, made.elements().frame, made.elements()["b"].frame) == ("system",) * 3
+    assert "b about WASP-1, axes of the system" in repr(made.elements())
+    assert "ecliptic" not in repr(made)
+    added = System.from_elements({"WASP-1": {"mass": 1.2}}).add("b", **planet)
+    for system in (made, added):
+        found = system.elements()
+        for key in planet:  # in and out are the same; 4e-16 of e = 0.1 is lost in each of them
+            given = u.Quantity(planet[key]).si.value
+            assert getattr(found, key)[0].value == pytest.approx(given, rel=4e-14), key
+
+
+def test_the_sun_among_the_bodies_makes_the_ecliptic_the_frame_and_all_that_is_shown_says_so() -> None:
+    for name in ("Sun", "sun"):
+        made = System.from_elements({name: {"mass": 1}, "x": {"a": 1, "inc": 0.1, "M": 1}})
+        assert made.frame == made.elements().frame == "ecliptic"
+        assert "ecliptic of J2000" in repr(made)
+        assert "ecliptic of J2000" in repr(made.elements())
+        np.testing.assert_allclose(made.elements().inc.value, 0.1, rtol=1e-14)
+    # The frame is that of the whole, whichever body comes first.
+    last = System.from_elements({"star": {"mass": 1}, "x": {"a": 1, "inc": 0.1}, "Sun": {"a": 9, "inc": 0.2}})
+    np.testing.assert_allclose(last.elements().inc.value, [0.1, 0.2], rtol=1e-13)
+    assert last.remove("Sun").frame == "system"
+    assert kepler(a=1, M=1).frame == "system"
+
+
+def test_elements_refer_to_the_ecliptic_of_the_sun_unless_a_frame_or_dimensionless_units_say_otherwise() -> None:
     def pole(system: System) -> np.ndarray:
         h = np.cross(system.values.q[-1], system.values.v[-1])
         return h / np.linalg.norm(h)

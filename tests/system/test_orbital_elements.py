@@ -81,9 +81,10 @@ def test_all_samples_of_a_run_at_once_are_the_same_as_one_by_one() -> None:
     runs_v = v + 1e-6 * rng.normal(size=(4, *v.shape))
     times = np.array([0.0, 10.0, 20.0, 30.0])
     for primary in ("Sun", "barycentre", "jacobi"):
-        together = osculating(system.names, gm, runs_q, runs_v, units=system.units, primary=primary, t=times)
+        about = {"units": system.units, "primary": primary, "frame": "ecliptic"}
+        together = osculating(system.names, gm, runs_q, runs_v, **about, t=times)
         for i, t in enumerate(times):
-            one = osculating(system.names, gm, runs_q[i], runs_v[i], units=system.units, primary=primary, t=t)
+            one = osculating(system.names, gm, runs_q[i], runs_v[i], **about, t=t)
             for key in KEYS:
                 np.testing.assert_allclose(getattr(together, key)[i].value, getattr(one, key).value, rtol=1e-13)
         assert together["Mars"].a.shape == (4,)
@@ -103,7 +104,7 @@ def test_one_body_is_chosen_by_name() -> None:
 def test_the_repr_is_a_table() -> None:
     text = repr(System.solar_system(bodies=["Sun", "Mercury", "Jupiter"]).elements("Sun"))
     head, columns, mercury, jupiter = text.split("\n")
-    assert head == "elements of Mercury, Jupiter about the Sun, ecliptic"
+    assert head == "elements of Mercury, Jupiter about the Sun, ecliptic of J2000"
     assert columns.split("  ")[-1].strip() == "M [deg]"
     assert mercury.split()[:3] == ["Mercury", "0.387098", "0.20563"]
     assert jupiter.split()[:3] == ["Jupiter", "5.20427", "0.0487749"]

@@ -95,7 +95,7 @@ def test_the_body_is_the_most_massive_one_unless_it_is_named(system):
 
 def test_a_system_shows_what_acts_in_it(system):
     made = system.with_terms(zonal()).with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
-    assert "with ZonalHarmonics of Sun, Drag on Ceres)" in repr(made)
+    assert "with ZonalHarmonics of Sun, Drag on Ceres; elements: ecliptic of J2000)" in repr(made)
     assert "ZonalHarmonics of Sun" in made._repr_html_()
     assert "with" not in repr(system)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from orbits.checks import is_one_of
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.system.solar.building import APART, relativistic_terms, with_all
 
@@ -19,7 +20,7 @@ NAMES = (NEWTONIAN, RELATIVISTIC, FULL)
 
 def checked_model(model: Any) -> str:
     """Return the name of a model. Raises UnknownNameError for another."""
-    if model in NAMES:
+    if is_one_of(model, NAMES):
         return str(model)
     raise UnknownNameError(
         f"there is no model {shown(model)} of the Solar System; expected 'newtonian', point masses, 'relativistic', "
