@@ -198,7 +198,7 @@ class Adaptive(ChangingSteps):
                 )
             elif 0.0 <= tolerance < TIGHTEST:
                 reason = f"Below {TIGHTEST:g}, it is round-off that would be resolved. {reason}"
-            raise InputError(f"tolerance is {tolerance:g}; expected {TIGHTEST:g} ... {LOOSEST:g}. {reason}")
+            raise InputError(f"tolerance is {shown(tolerance)}; expected {TIGHTEST:g} ... {LOOSEST:g}. {reason}")
         object.__setattr__(self, "tolerance", float(tolerance))
 
     def towards(self, direction: float) -> Adaptive:

@@ -16,6 +16,7 @@ Steps are treated when a particle first needs them.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,8 +48,9 @@ one for each of these points, that lead from the values there of a function that
 """
 
 
+@lru_cache(maxsize=64)
 def chart(tableau: SymplecticTableau) -> Array:
-    """Return the numbers by which modes are computed from forces, (49, 8), for up to eight stages."""
+    """Return the numbers by which modes are computed from forces, (49, 8), for up to eight stages. They are shared."""
     s, nodes = tableau.stages, tableau.nodes
     extrema: Array = np.polynomial.legendre.Legendre.basis(WIDTH + 1).deriv().roots().real
     points = 0.5 * (1.0 + extrema)

@@ -123,8 +123,8 @@ class TimeTransformed(ChangingSteps):
             )
         if not 0.0 < step <= LONGEST:
             raise InputError(
-                f"step is {step:g}; expected a positive number up to {LONGEST:g}, such as 0.3. For a run backwards "
-                "give a negative duration."
+                f"step is {shown(step)}; expected a positive number up to {LONGEST:g}, such as 0.3. For a run "
+                "backwards give a negative duration."
             )
         object.__setattr__(self, "step", float(step))
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,13 +33,13 @@ MILLIMETRE, ROUND_OFF = 1e-6 * u.km, 1e-15 * u.dimensionless_unscaled
 class Approach:
     """One closest approach of two bodies: distance, relative speed, and time since the epoch.
 
-    date : the time as a `Time` (TDB), if the system has an epoch
     error : the position error at the end of the run that the passage causes with this method and step, in km (or in the
         system's unit of length, if it has no physical units); None if it is unknown
     v_infinity : the relative speed without the attraction of the two, sqrt(speed^2 - 2 GM / distance); None if they are
         bound to each other
     estimated : whether distance, time and speed are only those of the two-body orbit within the step, as recorded on
         the way (to about 1e-3), as the motion there could not be computed again
+    epoch : of the system, if it has one: from it follows `date`, the time as a `Time` (TDB)
     """
 
     body: str
@@ -46,10 +47,10 @@ class Approach:
     distance: u.Quantity
     time: u.Quantity
     speed: u.Quantity
-    date: Time | None = None
     error: u.Quantity | None = None
     v_infinity: u.Quantity | None = None
     estimated: bool = False
+    epoch: Time | None = field(default=None, repr=False)
 
     @classmethod
     def of(
@@ -58,19 +59,23 @@ class Approach:
         """Return a passage of a run with this clock, with names and units."""
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
-        time = u.Quantity(clock.time(passage.steps), units.time)
         free = passage.speed**2 - 2.0 * (gm[lighter] + gm[heavier]) / passage.distance if passage.distance else -1.0
         return cls(
             names[lighter],
             names[heavier],
             u.Quantity(passage.distance, units.length),
-            time,
+            u.Quantity(clock.time(passage.steps), units.time),
             u.Quantity(passage.speed, units.speed),
-            None if system.epoch is None else written((system.epoch + time).copy(format="iso")),
             None if error is None else as_error(system, error),
             u.Quantity(math.sqrt(free), units.speed) if free >= 0.0 else None,
             estimated,
+            system.epoch,
         )
+
+    @cached_property
+    def date(self) -> Time | None:
+        """The time as a `Time` (TDB), if the system has an epoch."""
+        return None if self.epoch is None else written((self.epoch + self.time).copy(format="iso"))
 
     def __str__(self) -> str:
         distance = f"{self.distance:.6g}"

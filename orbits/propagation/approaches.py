@@ -6,19 +6,19 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen, index_of
-from orbits.checks import positive_number, single_number
+from orbits.checks import is_one_of, place_in, positive_number, single_number
 from orbits.errors import InputError, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.propagation.approach import LUNAR_DISTANCE, Approach, said, unit_of_errors
 from orbits.propagation.judgement import error_at_end
-from orbits.propagation.refinement import refine
+from orbits.propagation.refinement import AT_ONCE, refine
 from orbits.system.presenting import attributes
 from orbits.units import date_text, written
 
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
 
 class Approaches:
     """The closest approaches of a run: all flybys within the reach of a body, and the closest approach of each body.
@@ -47,14 +46,15 @@ class Approaches:
     of the method, taken when they are first needed. Where the motion cannot be computed again, they are as recorded on
     the way, from the two-body orbit within the step (to about 1e-3): `estimated` says so.
 
-    approaches["Ceres"] returns the passages of one body, the one by the dominant body first. Iteration, `len`,
-    `to_table`, print and notebooks cover all passages, closest first, except those by the dominant body on orbits about
-    it: a visitor on a hyperbola is there.
+    approaches["Ceres"] returns the passages of one body, closest first, and last the one by the dominant body.
+    Iteration, `len`, `to_table`, print and notebooks cover all passages, closest first, except those by the dominant
+    body on orbits about it: a visitor on a hyperbola is there.
     """
 
     def __init__(self, trajectory: Trajectory, seen: Seen) -> None:
         self.names = trajectory.names
         self._run, self._seen = trajectory, seen
+        self._asked = 1
 
     @property
     def distance(self) -> u.Quantity:
@@ -103,25 +103,34 @@ class Approaches:
         """Number of passages that are not listed; -1 for a run of an earlier version, which listed only the closest."""
         return self._seen.left_out
 
-    def __getitem__(self, name: str) -> list[Approach]:
-        """Return the passages of a body: the closest one by the dominant body, then all others, closest first."""
+    def __getitem__(self, name: str) -> Sequence[Approach]:
+        """Return the passages of a body, closest first, then the closest one by the dominant body.
+
+        That by the dominant body is refined when it is asked for: it may need the body to be marched again.
+        """
         row = index_of(name, self.names, "body")
         dominant = [int(k) for k in self._seen.closest[row, :1] if k >= 0]
-        passages = self._seen.passages
-        others = [k for k in self._flybys if row in (passages[k].body, passages[k].other) and k not in dominant]
-        refine(self._run, self._seen, dominant + others)
-        return [self.one(k) for k in dominant + others]
+        return Rows(self, name, [k for k in self._of_body.get(row, ()) if k not in dominant], dominant)
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.names)
 
     def __len__(self) -> int:
         """Return the number of passages in the iteration."""
-        return len(self._flybys)
+        return len(self._seen.flybys)
 
     def __iter__(self) -> Iterator[Approach]:
         """Yield the passages except those of orbits about the dominant body, closest first."""
-        return (self.one(k) for k in self._flybys)
+        return (self.several([k])[0] for k in self._flybys)
+
+    def as_recorded(self) -> Iterator[Approach]:
+        """Yield the same passages as they were recorded on the way, closest first, to about 1e-3 of the distance: at
+        once, where to march many bodies again would take as long as the run. Those refined before are as refined.
+        """
+        run, seen = self._run, self._seen
+        for k in sorted(seen.flybys, key=lambda k: (seen.passages[k].distance, seen.passages[k].steps)):
+            estimated = k in seen.estimated or k not in seen.refined
+            yield Approach.of(run.system, run.clock, seen.passages[k], None, estimated)
 
     def to_table(
         self, bodies: Sequence[str] | None = None, *, within: Any = None, order: str = "distance"
@@ -141,7 +150,7 @@ class Approaches:
         """
         from astropy.table import QTable
 
-        if order not in ("distance", "time"):
+        if not is_one_of(order, ("distance", "time")):
             raise InputError(f"order is {shown(order)}; expected 'distance' or 'time'.")
         wanted = np.zeros(len(self.names), dtype=bool)
         wanted[chosen(self.names, bodies)] = True
@@ -151,7 +160,7 @@ class Approaches:
             most = positive_number(single_number(units.length_value(within, "within"), "within"), "within")
         rows = [k for k in self._flybys if wanted[passages[k].body] or wanted[passages[k].other]]
         rows = [k for k in rows if passages[k].distance <= most]
-        ones = [self.one(k) for k in rows]
+        ones = self.several(rows)
         if order == "time":
             ones.sort(key=lambda one: one.time)
         kinds = {"distance": units.length, "time": units.time, "speed": units.speed, "v_infinity": units.speed}
@@ -181,6 +190,15 @@ class Approaches:
         passages = self._seen.passages
         return sorted(self._seen.flybys, key=lambda k: (passages[k].distance, passages[k].steps))
 
+    @cached_property
+    def _of_body(self) -> dict[int, list[int]]:
+        """Indices of the passages in the iteration, in order, by the numbers of their bodies."""
+        found: dict[int, list[int]] = {}
+        for k in self._flybys:
+            for body in (self._seen.passages[k].body, self._seen.passages[k].other):
+                found.setdefault(body, []).append(k)
+        return found
+
     def know_all(self) -> None:
         """Refine all passages to the accuracy of the orbit."""
         refine(self._run, self._seen, range(len(self._seen.passages)))
@@ -191,12 +209,26 @@ class Approaches:
         values = [getattr(self._seen.passages[k], what) if k >= 0 else missing for k in closest.ravel()]
         return np.array(values, dtype=np.float64).reshape(closest.shape)
 
-    def one(self, k: int) -> Approach:
-        """Return passage k as an `Approach`."""
-        refine(self._run, self._seen, [k])
+    def several(self, numbers: Sequence[int]) -> list[Approach]:
+        """Return some passages as `Approach`es."""
         run, seen = self._run, self._seen
-        error = error_at_end(run, seen, k)
-        return Approach.of(run.system, run.clock, seen.passages[k], error, k in seen.estimated)
+        refine(run, seen, numbers)
+        return [
+            Approach.of(run.system, run.clock, seen.passages[k], error_at_end(run, seen, k), k in seen.estimated)
+            for k in numbers
+        ]
+
+    def of_dominant(self, number: int) -> None:
+        """Refine the passage of a body by the dominant one, and those of the bodies after it: none more at first, then
+        as many as were asked for before, so that a loop over all bodies does not march along each of them alone.
+        """
+        if number in self._seen.refined:
+            return
+        known = self._seen.closest[:, 0]
+        known = known[known >= 0]
+        place = int(np.flatnonzero(known == number)[0])
+        refine(self._run, self._seen, known[place : place + self._asked].tolist())
+        self._asked = min(2 * self._asked, AT_ONCE)
 
     def __str__(self) -> str:
         return text_table(repr(self), *self._shown(), words=self._words)
@@ -232,3 +264,41 @@ class Approaches:
             off = "" if a.error is None else said(a.error).removesuffix(f" {a.error.unit}").replace("less than", "<")
             rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), *free, off])
         return head, rows, len(self) - len(rows)
+
+
+class Rows(Sequence[Approach]):
+    """The passages of one body; that by the dominant body is refined when it is asked for."""
+
+    def __init__(self, approaches: Approaches, body: str, others: list[int], dominant: list[int]) -> None:
+        self._approaches, self._body = approaches, body
+        self._numbers, self._dominant = [*others, *dominant], dominant
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    @overload
+    def __getitem__(self, k: int) -> Approach: ...
+    @overload
+    def __getitem__(self, k: slice) -> list[Approach]: ...
+    def __getitem__(self, k: int | slice) -> Approach | list[Approach]:
+        if isinstance(k, slice):
+            some = self._numbers[k]
+        else:
+            known_as = f"closest_approaches()[{self._body!r}]"
+            some = [self._numbers[place_in(len(self), k, known_as, "passages", "an index or a slice")]]
+        for number in self._dominant:
+            if number in some:
+                self._approaches.of_dominant(number)
+        found = self._approaches.several(some)
+        return found if isinstance(k, slice) else found[0]
+
+    def __iter__(self) -> Iterator[Approach]:
+        return iter(self[:])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Sequence) and list(self) == list(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return "[" + ",\n ".join(map(str, self)) + "]"

@@ -329,10 +329,10 @@ class ChangingMarch:
         step = Step(start.time, after.time, q, v, at)
         assert self._collisions is not None
         if not start.clock.changes or self._massive.all():
-            return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks)
+            return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks, self.integrator.order)
         for x in (*step.before, *step.after):
             x[~self._massive] = np.nan
-        found = impacts(step, self.bodies.radii, self._present_massive(), self._collisions.seeks)
+        found = impacts(step, self.bodies.radii, self._present_massive(), self._collisions.seeks, self.integrator.order)
         numbers = np.flatnonzero(self._there)
         for particle in numbers[after.touching()].tolist():
             if self.bodies.present[particle]:

@@ -32,15 +32,19 @@ class Heartbeat:
 
     every : the wall time from line to line: a quantity, a number of seconds, or a text such as "5 min"
     to : called with each line, as in `to=logging.info`; None prints them on standard error
+    first : the wall time until the first line, so that one soon knows what is left; that of `every` by default
 
     Raises InputError for anything but one finite time above 0, and for what cannot be called.
     """
 
     every: Any = 60.0
     to: Callable[[str], object] | None = None
+    first: Any = None
 
     def __post_init__(self) -> None:
         seconds_of(self.every, "Heartbeat.every")
+        if self.first is not None:
+            seconds_of(self.first, "Heartbeat.first")
         if self.to is not None and not callable(self.to):
             raise InputError(f"Heartbeat.to is {shown(self.to)}; expected a function of a text, such as logging.info.")
 
@@ -48,6 +52,11 @@ class Heartbeat:
     def seconds(self) -> float:
         """The wall time from line to line."""
         return seconds_of(self.every, "Heartbeat.every")
+
+    @property
+    def patience(self) -> float:
+        """The wall time until the first line, in seconds."""
+        return self.seconds if self.first is None else seconds_of(self.first, "Heartbeat.first")
 
     def say(self, text: str) -> None:
         """Give one line."""
@@ -74,7 +83,7 @@ class Pulse:
         self._heartbeat, self._end = heartbeat, end
         self._factor, self._unit = fitting_time(end, unit)
         self._begun = self._last = time.perf_counter(), begun, steps
-        self._pause = math.inf if heartbeat is None else heartbeat.seconds
+        self._pause = math.inf if heartbeat is None else heartbeat.patience
 
     @property
     def due(self) -> bool:
@@ -100,7 +109,7 @@ class Pulse:
             f"after {wall_time_text(now - self._begun[0])}" if last else left,
             *more,
         ]
-        self._last = now, reached, steps
+        self._last, self._pause = (now, reached, steps), self._heartbeat.seconds
         self._heartbeat.say(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {', '.join(filter(None, parts))}")
 
     def _times(self, reached: float) -> str:
@@ -157,15 +166,14 @@ def drift_now(system: System, integrator: Integrator, grid: TimeGrid, marcher: M
     them at its last sample, in words; nothing for those that are not conserved.
     """
     q, v = marcher.state()
-    start = system.values
     run = Trajectory(
         system,
-        np.array([0.0, marcher.time]),
-        np.stack([start.q, q]),
-        np.stack([start.v, v]),
+        np.array([marcher.time]),
+        q[None],
+        v[None],
         step=grid.clock,
         integrator=integrator,
-        accounts=np.stack([np.zeros_like(now := marcher.accounts()), now]),
+        accounts=marcher.accounts()[None],
     )
     run.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
     kept = run.drift()

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import math
 import warnings
-from itertools import combinations
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, level_of_caller
@@ -24,46 +24,20 @@ from orbits.integrators.wisdom_holman import WisdomHolman
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.approach import Approach
+from orbits.propagation.crossing_orbits import Orbits, close_pairs, orbits_of
 from orbits.propagation.step_check import in_digits
 
 if TYPE_CHECKING:
-    from orbits.integrators.forms import Array
     from orbits.propagation.passages_seen import Seen
     from orbits.system import System
     from orbits.trajectory import Trajectory
     from orbits.trajectory.excursions import Excursions
-
-POINTS = 180
-"""Points on each orbit at which the distance of two orbits is looked for."""
 
 SHOWN = 5
 """The most encounters named in a warning."""
 
 FOR_GOOD = 0.3
 """The eccentricity below which an orbit whose pericentre a step does not resolve is not resolved elsewhere either."""
-
-
-class _Orbit(NamedTuple):
-    """An orbit about the dominant body: row of the system, GM of both, pericentre, eccentricity, plane."""
-
-    row: int
-    mu: float
-    pericentre: float
-    e: float
-    along: Array
-    across: Array
-
-    @property
-    def speed(self) -> float:
-        """At the pericentre."""
-        return math.sqrt(self.mu * (1.0 + self.e) / self.pericentre)
-
-    def points(self) -> Array:
-        """Return points of an ellipse, equally spaced in eccentric anomaly, (POINTS, 3)."""
-        E = np.linspace(0.0, 2.0 * math.pi, POINTS, endpoint=False)[:, None]
-        a = self.pericentre / (1.0 - self.e)
-        points: Array = a * (np.cos(E) - self.e) * self.along + a * math.sqrt(1.0 - self.e**2) * np.sin(E) * self.across
-        return points
 
 
 def require_outside(system: System) -> None:
@@ -103,23 +77,28 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
     particles, or if planets come so close to each other, now or at a crossing of their orbits, that the method cannot
     follow them.
     """
-    orbits = [_orbit(system, int(row)) for row in np.flatnonzero(system.massive) if row != _dominant(system)]
+    planets = np.flatnonzero(system.massive)
+    orbits = orbits_of(system, planets[planets != _dominant(system)])
     units, centre = system.units, system.names[_dominant(system)]
-    angles = [(abs(h) * orbit.speed / orbit.pericentre, orbit) for orbit in orbits if _is_ahead(system, orbit, span)]
-    angle, fastest = max(angles, default=(0.0, None), key=lambda pair: pair[0])
+    with np.errstate(divide="ignore"):  # a fall along a line has no pericentre
+        angles = abs(h) * np.sqrt(orbits.mu * (1.0 + orbits.e) / orbits.pericentre**3)
+    angles = np.where(_ahead(system, orbits, span), angles, 0.0)
     least = integrator.least_steps
-    perturbed = len(orbits) > 1 or bool(system.terms) or not integrator.exact_for_two
+    perturbed = len(angles) > 1 or bool(system.terms) or not integrator.exact_for_two
     follows = integrator.follows_meetings
     # With planets="follow" an eccentric orbit leaves the map at each pericentre, a round one for good.
     left = " All bodies would be away from the map for good." if follows else ""
-    perturbed = perturbed and (not follows or (fastest is not None and fastest.e < FOR_GOOD))
-    if fastest is not None and perturbed and angle > 2.0 * math.pi / least:
-        enough = abs(h) * 2.0 * math.pi / least / angle
-        body, passed = system.names[fastest.row], in_digits(fastest.pericentre, units.length)
+    fastest = int(angles.argmax()) if len(angles) else None
+    perturbed = perturbed and (not follows or (fastest is not None and orbits.e[fastest] < FOR_GOOD))
+    if fastest is not None and perturbed and angles[fastest] > 2.0 * math.pi / least:
+        turn = 2.0 * math.pi / float(angles[fastest])
+        body, passed = system.names[orbits.row[fastest]], in_digits(float(orbits.pericentre[fastest]), units.length)
+        enough = abs(h) * turn / least
+        remedy = f"dt <= {_at_most(enough, units.time)} resolves it, or" if enough > 0.0 else "No step resolves it:"
         warnings.warn(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
-            f"{centre}, at {passed}, a full turn would take {2.0 * math.pi / angle:.2g} steps; fewer than "
-            f"{least} resonate with the motion.{left} dt <= {_at_most(enough, units.time)} resolves it, or leave out "
+            f"{centre}, at {passed}, a full turn would take {turn:.2g} steps; fewer than "
+            f"{least} resonate with the motion.{left} {remedy} leave out "
             "dt and the method: steps are then chosen one by one.",
             StepWarning,
             stacklevel=level_of_caller(),
@@ -128,12 +107,12 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         _warn_of_particles(system, integrator, h, span)
         if not integrator.retires_in_encounters:
             _warn_of_particles_near_planets(system, integrator)
-    close = [text for one, other in combinations(orbits, 2) if (text := _close(system, one, other))]
-    if close and not follows:
-        hidden = f"\n  And {len(close) - SHOWN:,} more pairs." if len(close) > SHOWN else ""
+    close, count = ([], 0) if follows else close_pairs(system, orbits, SHOWN)
+    if close:
+        hidden = f"\n  And {count - SHOWN:,} more pairs." if count > SHOWN else ""
         warnings.warn(
             f"{integrator.label} cannot follow close encounters of massive bodies, and these may have some:\n"
-            + "\n".join(f"  {text}." for text in close[:SHOWN])
+            + "\n".join(f"  {text}." for text in close)
             + f"{hidden}\n{_remedy_for_planets(integrator)}",
             StepWarning,
             stacklevel=level_of_caller(),
@@ -321,47 +300,12 @@ def _dominant(system: System) -> int:
     return int(system.values.gm.argmax())
 
 
-def _orbit(system: System, row: int) -> _Orbit:
-    """Return the orbit of a body about the dominant one."""
+def _ahead(system: System, orbits: Orbits, span: float) -> NDArray[np.bool_]:
+    """Return which bodies pass their pericentres within `span`, roughly: on open orbits those that are falling in."""
     values, sun = system.values, _dominant(system)
-    q, v = values.q[row] - values.q[sun], values.v[row] - values.v[sun]
-    mu, r = float(values.gm[row] + values.gm[sun]), float(np.linalg.norm(q))
-    spin = np.cross(q, v)
-    h2 = float(spin @ spin)
-    vector = np.cross(v, spin) / mu - q / r
-    e = float(np.linalg.norm(vector))
-    along = vector / e if e > 1e-12 else q / r
-    plane = np.cross(spin, along)
-    across = plane / (np.linalg.norm(plane) or 1.0)
-    return _Orbit(row, mu, h2 / mu / (1.0 + e), e, along, across)
-
-
-def _is_ahead(system: System, orbit: _Orbit, span: float) -> bool:
-    """Return whether a body passes its pericentre within `span`, roughly: an open orbit only if it is falling in."""
-    values, sun = system.values, _dominant(system)
-    falling = float((values.q[orbit.row] - values.q[sun]) @ (values.v[orbit.row] - values.v[sun])) * span < 0.0
-    if orbit.e >= 1.0:
-        return falling
-    a = orbit.pericentre / (1.0 - orbit.e)
-    period = 2.0 * math.pi * math.sqrt(a**3 / orbit.mu)
-    return abs(span) >= period or orbit.e < 0.1 or falling
-
-
-def _close(system: System, one: _Orbit, other: _Orbit) -> str:
-    """Return in words how close two planets are, or can come; nothing if that is far enough."""
-    values, units, sun = system.values, system.units, _dominant(system)
-    share = float(values.gm[one.row] + values.gm[other.row]) / (3.0 * float(values.gm[sun]))
-    hill = HILL_RADII * float(np.cbrt(share))
-    names = f"{system.names[one.row]} and {system.names[other.row]}"
-    apart = float(np.linalg.norm(values.q[one.row] - values.q[other.row]))
-    if apart < hill * float(np.linalg.norm(values.q[one.row] - values.q[sun])):
-        return f"{names} are {in_digits(apart, units.length)} apart, less than {HILL_RADII:.0f} Hill radii"
-    if max(one.e, other.e) >= 1.0:
-        return ""
-    a, b = one.points(), other.points()
-    distance = np.linalg.norm(a[:, None] - b[None, :], axis=2) - hill * np.linalg.norm(a, axis=1)[:, None]
-    i, j = np.unravel_index(int(distance.argmin()), distance.shape)
-    if distance[i, j] >= 0.0:
-        return ""
-    gap = float(np.linalg.norm(a[i] - b[j]))
-    return f"the orbits of {names} come within {in_digits(gap, units.length, 2)}, less than {HILL_RADII:.0f} Hill radii"
+    q, v = values.q[orbits.row] - values.q[sun], values.v[orbits.row] - values.v[sun]
+    bound = orbits.e < 1.0
+    a = np.where(bound, orbits.pericentre, np.inf) / np.where(bound, 1.0 - orbits.e, 1.0)
+    returning = abs(span) >= 2.0 * math.pi * np.sqrt(a**3 / orbits.mu)
+    ahead: NDArray[np.bool_] = returning | (orbits.e < 0.1) | ((q * v).sum(axis=1) * span < 0.0)
+    return ahead

@@ -6,25 +6,22 @@ The run is marched again to the step of each, and the minimum distance is found 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
-from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
-from orbits.marching.clocks import Clock, Place
-from orbits.marching.handing_over import METHOD
-from orbits.propagation.marchers import march_of
+from orbits.marching.clocks import Clock
+from orbits.propagation.passage_walks import Pairs, PairsTogether, Walk, massless_of, role_of
 from orbits.propagation.passages_seen import Passage, Seen
-from orbits.system.model import continued, model, most_inner
-from orbits.trajectory.work import accounts_of
+from orbits.system.model import most_inner
 
 if TYPE_CHECKING:
-    from orbits.marching.marcher import Marcher
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -32,201 +29,206 @@ Array = NDArray[np.float64]
 PRECISION = 1e-13
 """The time of a pericentre has converged when it changes by less than this, in steps."""
 
+ROUNDED = 1e-11
+"""Changes below this that do not become smaller from round to round are round-off: the time is as good as it can be."""
+
 ROUNDS = 60
 
 WIDER = 2.0
 """The factor by which the search interval is wider than the estimated error of a passage's time, if steps differ."""
 
+CLOSE = 1 / 16
+"""The fraction of the time before a passage, if its step is unknown, in which one step leads through the pericentre:
+0.03 of distance / speed there, a tenth of the steps that are chosen, and longer than the error of the recorded time."""
 
-def refine(trajectory: Trajectory, seen: Seen, numbers: Sequence[int]) -> None:
+AT_ONCE = 64
+"""The most massless bodies that are marched along to their passages: the march stops at each for all of them."""
+
+MOST_NUMBERS = 2**22
+"""The most numbers of the states of passages that are refined together, 32 MB."""
+
+
+def refine(trajectory: Trajectory, seen: Seen, numbers: Iterable[int]) -> None:
     """Refine distance, time, speed and states of some passages to the accuracy of the orbit.
 
-    The massive bodies and the massless ones concerned are marched from the preceding sample. If that sample lies
-    between steps, a partial step leads back to the grid. A passage up to which they cannot be marched again, as they
-    meet a body there, say, stays as it was recorded: its number goes to `seen.estimated`.
+    The massive bodies are marched from the preceding sample; if that lies between steps, a partial step leads back to
+    the grid. Massless ones are marched along unless the states of their passages were recorded. Where a partial step
+    follows from the state at its beginning alone, those of all passages are taken together, in compiled code. A passage
+    up to which the bodies cannot be marched again, as they meet there, say, stays as it was recorded: its number goes
+    to `seen.estimated`. What is not reached, as the work is interrupted, is refined when it is asked for again.
     """
-    numbers = [k for k in numbers if k not in seen.refined]
-    seen.refined.update(numbers)
-    seen.errors = {k: error for k, error in seen.errors.items() if k not in seen.refined}
+    numbers = {k: None for k in numbers if k not in seen.refined}
+    if not numbers:
+        return
+    seen.errors = {k: error for k, error in seen.errors.items() if k not in numbers}
     times = np.abs(trajectory.times)
     starts: dict[int, list[int]] = {}
-    for k in sorted(numbers, key=lambda k: abs(seen.passages[k].step)):
+    for k in numbers:
         before = int(np.searchsorted(times, abs(trajectory.clock.time(seen.passages[k].step)), side="right")) - 1
         starts.setdefault(before, []).append(k)
     for sample, ones in starts.items():
-        bodies = [seen.passages[k].body for k in ones] + [seen.passages[k].other for k in ones]
         seen.estimated.update(ones)
-        with suppress(IntegrationError):  # the run failed here
-            walk = _Walk(trajectory, sample, sorted(set(bodies)))
-            for k in ones:
-                found = _refined(walk, seen, seen.passages[k], trajectory.clock)
-                if math.isfinite(found.distance) and math.isfinite(found.speed):
-                    seen.passages[k] = found
-                    seen.estimated.discard(k)
+        left = _together(trajectory, seen, sample, ones) if _steps_follow_from_states(trajectory) else ones
+        for some in _parts(sorted(left, key=lambda k: abs(seen.passages[k].step)), AT_ONCE):
+            bodies = {body for k in some for body in (seen.passages[k].body, seen.passages[k].other)}
+            with suppress(IntegrationError):  # the run failed here
+                walk = Walk(trajectory, sample, sorted(bodies))
+                for k in some:
+                    walk.to(seen.passages[k].step)
+                    pair = walk.pair(seen.passages[k])
+                    _keep(seen, [k], _refined(pair, trajectory, seen, [seen.passages[k]], walk.chooses(walk.step)))
+        seen.refined.update(ones)
 
 
-class _Walk:
-    """A march of massive and some massless bodies along the steps of a run, from a sample or (-1) its start."""
-
-    def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
-        system = trajectory.system
-        q, v, time = _state(trajectory, sample)
-        self._massive = system.massive
-        self.end = trajectory.reached if trajectory.complete else trajectory.last_time
-        wanted = self._massive.copy()
-        wanted[list(bodies)] = True
-        self._bodies = np.flatnonzero(wanted)
-        step, rest = trajectory.clock.place(time)
-        self.step: float = step + (rest != 0.0)
-        self._clock = trajectory.clock
-        self._integrator, self._system = trajectory.integrator, system
-        if most_inner(system) and sample >= 0:
-            self._system = continued(system, accounts_of(trajectory)[sample])
-        self._excursions = trajectory.excursions
-        self.marcher = self._bound(self._bodies, q[wanted], v[wanted], time)
-        if self._clock.changes:
-            self._begun = self.step = time
-        elif rest != 0.0:
-            at = self._clock.time(self.step)
-            state = self.marcher.state_after(self._clock.h - rest)
-            self._continue()
-            self.marcher = self._bound(self._bodies, *state, at)
-        self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
-
-    def to(self, step: float) -> None:
-        """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
-        if self._clock.changes:
-            self.step = step
-            self.marcher.advance_to(Place(0, step - self._begun))
-            return
-        # Passages between two steps, of bodies that took chosen ones there, have their state within a step.
-        self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
-        self.marcher.advance_to(self._place)
-        self.step = step
-
-    def chooses(self, step: float) -> bool:
-        """Return whether steps are chosen there one by one, as on an excursion from a map."""
-        return self._clock.changes or self._excursions.include(step)
-
-    def pair(self, *pair: int) -> _Pair:
-        """Return the massive bodies together with a pair of bodies, in their present state."""
-        wanted = self._massive.copy()
-        wanted[list(pair)] = True
-        there = wanted[self._bodies]
-        q, v = self._state()
-        self._continue()
-        bodies = self._bodies[there]
-        start = float(self._clock.time(self.step))
-        if self.chooses(self.step) and not self._clock.changes:
-            chosen = METHOD, Adaptive().towards(self._clock.direction)
-            return _Pair(self._bound(bodies, q[there], v[there], start, *chosen), bodies)
-        return _Pair(self._bound(bodies, q[there], v[there], start), bodies)
-
-    def _continue(self) -> None:
-        """Give forces the internal variables that they have at the state returned last."""
-        if most_inner(self._system):
-            names = [self._system.names[i] for i in self._bodies]
-            self._system = continued(self._system, self.marcher.accounts(), names)
-
-    def _state(self) -> tuple[Array, Array]:
-        place = Place(0, self.step - self._begun) if self._clock.changes else self._place
-        return self.marcher.state_at(place)
-
-    def _bound(
-        self,
-        bodies: NDArray[np.intp],
-        q: Array,
-        v: Array,
-        start: float,
-        integrator: Integrator | None = None,
-        clock: Clock | None = None,
-    ) -> Marcher:
-        # All massive bodies are included, so the model of the run applies.
-        values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
-        how = integrator or self._integrator, clock or self._clock
-        return march_of(values, *how, model(self._system, bodies), start=start, underway=True)
+def _steps_follow_from_states(trajectory: Trajectory) -> bool:
+    """Return whether a step of massless bodies follows from the state of all at its beginning, as does one of massive
+    bodies without any weight: not if forces have variables of their own, or a map treats encounters on its own.
+    """
+    clock = trajectory.clock
+    own = most_inner(trajectory.system) > 0 or trajectory.integrator.follows_kepler
+    return not own and (isinstance(clock, Adaptive) or not clock.changes)
 
 
-class _Pair:
-    """The massive bodies, and the massless ones of a pair, at the beginning of a step."""
+def _together(trajectory: Trajectory, seen: Seen, sample: int, numbers: list[int]) -> list[int]:
+    """Refine passages after a sample together; return those that remain: where a march or a step fails, or bodies do
+    not approach each other any more at what was taken for the beginning.
+    """
+    system, clock = trajectory.system, trajectory.clock
+    passages = {k: _begun_close(seen.passages[k], clock) for k in numbers}
+    order = sorted(numbers, key=lambda k: abs(passages[k].step))
+    unknown = [k for k in order if passages[k].state is None and massless_of(system, passages[k])]
+    left: list[int] = []
+    for group in ([k for k in order if k not in set(unknown)], *_parts(unknown, AT_ONCE)):
+        light = sorted({body for k in group for body in massless_of(system, passages[k]) if passages[k].state is None})
+        walk = None
+        for some in _parts(group, max(AT_ONCE, MOST_NUMBERS // (6 * len(light) + 6 * int(system.massive.sum())))):
+            try:
+                walk = walk or Walk(trajectory, sample, light)
+                states = walk.states(np.array([passages[k].step for k in some]))
+            except IntegrationError:
+                left += some
+                continue
+            roles = [role_of(system, passages[k]) for k in some]
+            kinds = [(role, bool(massless_of(system, passages[k]))) for role, k in zip(roles, some, strict=True)]
+            for kind in dict.fromkeys(kinds):
+                rows = [row for row, own in enumerate(kinds) if own == kind]
+                these = [some[row] for row in rows]
+                own = [passages[k] for k in these]
+                pairs = PairsTogether(trajectory, own, walk.bodies, *(x[rows] for x in states))
+                try:
+                    found = _refined(pairs, trajectory, seen, own, clock.changes)
+                except IntegrationError:
+                    left += these
+                    continue
+                late = [one.state is None and _recedes(new, clock) for one, new in zip(own, found, strict=True)]
+                left += [k for k, is_late in zip(these, late, strict=True) if is_late]
+                good = [row for row, is_late in enumerate(late) if not is_late]
+                _keep(seen, [these[row] for row in good], [found[row] for row in good])
+    return left
 
-    def __init__(self, marcher: Marcher, bodies: NDArray[np.intp]) -> None:
-        self._marcher, self._rows = marcher, {int(body): row for row, body in enumerate(bodies)}
 
-    def relative(self, body: int, other: int, offset: float = 0.0) -> Array:
-        """Return position and velocity of a body relative to another one, (6,), after a partial step from here."""
-        q, v = self._marcher.state_after(offset)
-        i, j = self._rows[body], self._rows[other]
-        return np.concatenate([q[i] - q[j], v[i] - v[j]])
+def _parts(numbers: list[int], most: int) -> list[list[int]]:
+    return [numbers[i : i + most] for i in range(0, len(numbers), most)]
+
+
+def _keep(seen: Seen, numbers: Sequence[int], found: Sequence[Passage]) -> None:
+    """Replace passages by what was found, if it is known."""
+    for k, one in zip(numbers, found, strict=True):
+        if math.isfinite(one.distance) and math.isfinite(one.speed):
+            seen.passages[k] = one
+            seen.estimated.discard(k)
+            seen.refined.add(k)
+
+
+def _begun_close(passage: Passage, clock: Clock) -> Passage:
+    """Return a passage with a beginning so close that one step leads through it, if that of its step is unknown."""
+    if passage.state is not None or not clock.changes:
+        return passage
+    return replace(passage, step=passage.steps - CLOSE * (passage.steps - passage.step))
+
+
+def _recedes(passage: Passage, clock: Clock) -> bool:
+    """Return whether two bodies leave each other already at the beginning of the step of their passage."""
+    assert passage.state is not None
+    return passage.steps != passage.step and float(passage.state[:3] @ passage.state[3:]) * clock.direction > 0.0
 
 
 class _Least(NamedTuple):
-    part: float
-    distance: float
-    speed: float
+    """Minimum distances: the parts of steps at which they are, and relative speeds there, (passages,) each."""
+
+    part: Array
+    distance: Array
+    speed: Array
 
 
-def _refined(walk: _Walk, seen: Seen, passage: Passage, clock: Clock) -> Passage:
-    walk.to(passage.step)
-    body, other = passage.body, passage.other
-    pair = walk.pair(body, other)
-    state = pair.relative(body, other)
-    about = pair.relative(body, seen.dominant) if seen.dominant >= 0 and body != seen.dominant else np.zeros(6)
-    if passage.steps == passage.step:  # at the start or end of the run, or exactly at a step
-        least = _Least(0.0, float(np.linalg.norm(state[:3])), float(np.linalg.norm(state[3:])))
-    elif walk.chooses(passage.step):
+def _refined(
+    pairs: Pairs, trajectory: Trajectory, seen: Seen, passages: Sequence[Passage], chosen: bool
+) -> list[Passage]:
+    """Return passages with the minimum distance of their pairs; chosen : whether steps are chosen one by one there."""
+    clock, count = trajectory.clock, len(passages)
+    begin, when = (np.array([getattr(one, name) for one in passages]) for name in ("step", "steps"))
+    state, about = pairs.apart(np.arange(count), np.zeros(count)), pairs.about(seen.dominant)
+    # At the start or end of the run, or exactly at a step, the state is that of the passage.
+    part, distance, speed = np.zeros(count), *(np.linalg.norm(state[:, k : k + 3], axis=1) for k in (0, 3))
+    rows = np.flatnonzero(when != begin)
+    end = trajectory.reached if trajectory.complete else trajectory.last_time
+    last = seen.end if clock.changes else abs(end / clock.h)
+    ahead, limit = (when - begin)[rows], last - begin[rows]
+    if chosen:
         unit = 1.0 if clock.changes else clock.h
-        last = seen.end if clock.changes else abs(walk.end / clock.h)
-        guess, end = unit * (passage.steps - passage.step), unit * (last - passage.step)
-        length = min(WIDER * guess, end, key=abs)
-        while abs(length) < abs(end) and _approach_still(pair, passage, length):
-            length = min(WIDER * length, end, key=abs)
-        least = _least(pair, passage, seen.gm(passage), length, guess / length, 1.0)
-        least = least._replace(part=least.part * length / unit)
+        length = _lengths(pairs, rows, unit * ahead, unit * limit)
+        guess, high, scale = unit * ahead / length, np.ones(len(rows)), length / unit
     else:
-        end = abs(walk.end / clock.h) - passage.step if passage.step == seen.end else 1.0
-        least = _least(pair, passage, seen.gm(passage), clock.h, min(passage.steps - passage.step, end), end)
-    when = passage.step + least.part
-    return Passage(body, other, passage.step, when, least.distance, least.speed, state=state, about=about)
+        length, high = np.full(len(rows), clock.h), np.where(begin[rows] == seen.end, limit, 1.0)
+        guess, scale = np.minimum(ahead, high), np.ones(len(rows))
+    mu = np.array([seen.gm(passages[row]) for row in rows.tolist()])
+    part[rows], distance[rows], speed[rows] = _least(pairs, rows, mu, length, guess, high)
+    part[rows] *= scale
+    values = zip(passages, (begin + part).tolist(), distance.tolist(), speed.tolist(), state, about, strict=True)
+    return [Passage(one.body, one.other, one.step, *found) for one, *found in values]
 
 
-def _approach_still(pair: _Pair, passage: Passage, offset: float) -> bool:
-    """Return whether two bodies still approach each other after a partial step."""
-    state = pair.relative(passage.body, passage.other, offset)
-    return float(state[:3] @ state[3:]) * offset < 0.0
+def _lengths(pairs: Pairs, rows: NDArray[np.intp], guess: Array, limit: Array) -> Array:
+    """Return the lengths of steps to beyond the minimum distance of pairs, or to the end of the run."""
+
+    def shorter(length: Array, limit: Array) -> Array:
+        return np.where(np.abs(limit) < np.abs(length), limit, length)
+
+    length = shorter(WIDER * guess, limit)
+    left = np.flatnonzero(np.abs(length) < np.abs(limit))
+    while len(left):
+        state = pairs.apart(rows[left], length[left])
+        left = left[(state[:, :3] * state[:, 3:]).sum(axis=1) * length[left] < 0.0]
+        length[left] = shorter(WIDER * length[left], limit[left])
+        left = left[np.abs(length[left]) < np.abs(limit[left])]
+    return length
 
 
-def _least(pair: _Pair, passage: Passage, mu: float, h: float, part: float, end: float) -> _Least:
-    """Return the minimum distance within a step, by Newton's method on r.v with the acceleration of the pair alone.
+def _least(pairs: Pairs, rows: NDArray[np.intp], mu: Array, h: Array, part: Array, end: Array) -> _Least:
+    """Return the minimum distances of some pairs within their steps h, by Newton's method on r.v with the acceleration
+    of the pair alone.
 
     part : of the step at which to begin
     end : the part of the step that belongs to the run; the minimum is there if the two still approach each other
     """
-    low, high = 0.0, end
-    x = w = np.zeros(3)
+    low, high, part = np.zeros(len(rows)), end.copy(), part.copy()
+    state, left, change = np.zeros((len(rows), 6)), np.arange(len(rows)), np.full(len(rows), np.inf)
     for _ in range(ROUNDS):
-        state = pair.relative(passage.body, passage.other, part * h)
-        x, w = state[:3], state[3:]
-        r2, fall = float(x @ x), float(x @ w) * h
-        if fall < 0.0:
-            low = part
-        else:
-            high = part
-        slope = (float(w @ w) - mu / math.sqrt(r2)) * h * h if r2 > 0.0 else 0.0
-        after = part - fall / slope if slope > 0.0 else 0.5 * (low + high)
-        if abs(after - part) <= PRECISION or r2 == 0.0:
+        state[left] = pairs.apart(rows[left], part[left] * h[left])
+        x, w, now = state[left, :3], state[left, 3:], part[left]
+        r2, fall = (x * x).sum(axis=1), (x * w).sum(axis=1) * h[left]
+        low[left], high[left] = np.where(fall < 0.0, now, low[left]), np.where(fall < 0.0, high[left], now)
+        middle = 0.5 * (low[left] + high[left])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            slope = np.where(r2 > 0.0, (w * w).sum(axis=1) - mu[left] / np.sqrt(r2), 0.0) * h[left] ** 2
+            after = np.where(slope > 0.0, now - fall / slope, middle)
+        before, change[left] = change[left], np.abs(after - now)
+        stalls = (change[left] >= before) & (change[left] < ROUNDED)
+        done = (change[left] <= PRECISION) | stalls | (r2 == 0.0)
+        after = np.where((low[left] < after) & (after < high[left]), after, middle)
+        on = ~done & ~(high[left] - low[left] <= PRECISION)
+        left = left[on]
+        if not len(left):
             break
-        if not low < after < high:
-            after = 0.5 * (low + high)
-        if high - low <= PRECISION:
-            break
-        part = after
-    return _Least(part, float(np.linalg.norm(x)), float(np.linalg.norm(w)))
-
-
-def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
-    """Return q and v, (bodies, 3), and the time of a sample, or (-1) of the start of the run."""
-    if sample < 0:
-        return trajectory.system.values.q, trajectory.system.values.v, 0.0
-    q, v = trajectory.sample(sample)
-    return q, v, float(trajectory.times[sample])
+        part[left] = after[on]
+    return _Least(part, *(np.linalg.norm(state[:, k : k + 3], axis=1) for k in (0, 3)))

@@ -68,15 +68,13 @@ class Replay:
         """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
         from orbits.propagation.approaches import Approaches
         from orbits.propagation.judgement import spoiling
-        from orbits.propagation.refinement import refine
 
         seen = seen_by(run)
         approaches = Approaches(run, seen)
         if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
             approaches.know_all()
         found = [k for k, _ in spoiling(run, seen)]
-        refine(run, seen, found)
-        return [approaches.one(k) for k in found]
+        return approaches.several(found)
 
     def error_estimate(self, run: Trajectory) -> ErrorBars:
         """Return the error bars of a run, from two companions."""

@@ -224,7 +224,7 @@ def propagate(
         own = {**options, "archive": place, "overwrite": replace, "threads": of_each}
         return begun(several[k], method, grids[k], **own)
 
-    ready = each(len(several), prepared)
+    ready = each(len(several), prepared, several)
     make_folder(archive)
     runs = march_each(ready, threads, progress, in_turn=in_turn)
     return each(len(runs), lambda k: _completed(runs[k], dense, estimated, threads))
@@ -414,7 +414,7 @@ def resume(
             )
         run = resumed(path, threads=threads, **options)
         return run if isinstance(run, Trajectory) else march(run)
-    if not isinstance(path, Iterable):
+    if not isinstance(path, Iterable) or getattr(path, "shape", None) == ():
         raise ArchiveError(f"path is {shown(path)}; expected the path of an archive, or a list of paths.")
     paths = list(path)
     if not paths:

@@ -56,7 +56,8 @@ def march_in_threads(
     groups = groups_of(runs, count)
 
     def task(numbers: list[int]) -> None:
-        _march_group(numbers, runs, begun, failures)
+        if not stop.name:  # runs that are not begun yet stay so
+            _march_group(numbers, runs, begun, failures)
 
     pool = Pool(min(count, len(groups)))
     running = set()

@@ -29,13 +29,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CloserThan(Sought):
-    """Stop after the step in which two bodies came closer than a distance, even if only between its ends. Among
-    `events`: the time at which they do.
+    """Stop after the step in which two bodies came closer than a distance, even if only between its ends, where their
+    motion is taken for a cubic. Among `events`: the time at which they do, on the motion itself.
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None means any body. One of the two must have mass.
     then : among `events`, what happens; see `orbits.Event`
 
+    In `stop`, distances below the error of the cubic may be missed, 1e-4 of an orbit in steps of 0.3 radians: give them
+    in `events` with then="stop".
     A run that is to stop there is refused if two named bodies are there at its start; others record when they get
     there again.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.

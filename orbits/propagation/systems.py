@@ -18,6 +18,7 @@ from orbits.archive.creation import check_target
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, level_of_caller, shown
 from orbits.marching.marcher import available_threads
+from orbits.propagation.alike import alike
 from orbits.propagation.heartbeat import Pulse
 from orbits.propagation.loop import Marching, Run, marching, to_its_end
 from orbits.propagation.progress import Progress
@@ -30,7 +31,7 @@ from orbits.trajectory import Trajectory
 T = TypeVar("T")
 
 SHOWN = 5
-"""The most different texts of warnings, or errors, that are shown of the systems of a list."""
+"""The most different wordings of warnings, or errors, that are shown of the systems of a list."""
 
 
 def systems_of(given: object) -> list[System]:
@@ -141,9 +142,9 @@ def _numbered(text: str, count: int) -> list[Path]:
     return paths
 
 
-def each(count: int, make: Callable[[int], T]) -> list[T]:
+def each(count: int, make: Callable[[int], T], systems: Iterable[System] = ()) -> list[T]:
     """Call a function with the number of each system; warnings are given together, and an error names the system."""
-    made, found = [], _Warnings(count)
+    made, found = [], _Warnings(count, systems)
     for k in range(count):
         with found.of(k):
             try:
@@ -156,10 +157,13 @@ def each(count: int, make: Callable[[int], T]) -> list[T]:
 
 
 class _Warnings:
-    """The warnings of several systems, given together: each text once, with the numbers of its systems."""
+    """The warnings of several systems, given together: each wording once, with the numbers of its systems.
 
-    def __init__(self, count: int) -> None:
-        self._count = count
+    systems : them, for the names of their bodies, in which texts of the same wording may differ
+    """
+
+    def __init__(self, count: int, systems: Iterable[System] = ()) -> None:
+        self._count, self._systems = count, systems
         self._found: dict[tuple[type[Warning], str], list[int]] = {}
 
     def of(self, k: int) -> _Caught:
@@ -170,12 +174,21 @@ class _Warnings:
         """Give them, in the order of their first systems."""
         for category in dict.fromkeys(category for category, _ in self._found):
             texts = {text: numbers for (own, text), numbers in self._found.items() if own is category}
-            lines = [f"{_names(numbers, self._count)}: {text}" for text, numbers in list(texts.items())[:SHOWN]]
-            hidden = list(texts.values())[SHOWN:]
+            groups = alike(texts, (name for system in self._systems for name in system.names))
+            lines = [self._told(group) for group in groups[:SHOWN]]
+            hidden = sorted({k for group in groups[SHOWN:] for numbers in group.values() for k in numbers})
             if hidden:
-                others = sorted({k for numbers in hidden for k in numbers})
-                lines.append(f"And {_names(others, self._count)} have such warnings of their own.")
+                lines.append(f"And {_names(hidden, self._count)} have other warnings of their own.")
             warnings.warn("\n".join(lines), category, stacklevel=level_of_caller())
+
+    def _told(self, group: Mapping[str, Sequence[int]]) -> str:
+        """Return the texts of one wording: their systems, and the text of the first."""
+        (text, first), *others = group.items()
+        if not others:
+            return f"{_names(first, self._count)}: {text}"
+        numbers = sorted({k for own in group.values() for k in own})
+        which = f"their texts differ in figures; this is that of systems[{first[0]}]"
+        return f"{_names(numbers, self._count)} ({which}): {text}"
 
 
 class _Caught:
@@ -282,7 +295,7 @@ def march_each(
     done: list[Trajectory | None] = [run if isinstance(run, Trajectory) else None for run in runs]
     left = {k: run for k, run in enumerate(runs) if isinstance(run, Run)}
     failures: dict[int, BaseException] = {}
-    found = _Warnings(len(runs))
+    found = _Warnings(len(runs), [run.system for run in runs])
     if left:
         bars = _Bars(list(left.values()), progress)
         with StopRequest() as stop:

@@ -15,7 +15,7 @@ from orbits.archive import Archive
 from orbits.archive.schema import resolved
 from orbits.archive.storage import human
 from orbits.body_names import few
-from orbits.checks import checked_choice
+from orbits.checks import checked_choice, is_one_of
 from orbits.errors import ArchiveError, InputError, IntegrationError, StorageError, shown, with_unit
 from orbits.plotting.words import fitting_time
 from orbits.propagation.marchers import differences
@@ -121,7 +121,7 @@ def verify(
     With another processor, Numba or kernels than those of the run last bits may differ: that is told, but not damage.
     Raises ArchiveError for a path where there is no file, InputError for other arguments.
     """
-    if recompute not in ("all", "last", "none"):
+    if not is_one_of(recompute, ("all", "last", "none")):
         raise InputError(f"recompute is {shown(recompute)}; expected 'all', 'last' or 'none'.")
     place, progress = resolved(path), checked_choice(progress, "progress")
     if not Path(place).is_file():

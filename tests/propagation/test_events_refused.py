@@ -32,6 +32,13 @@ REFUSED = [
     (lambda: orbits.ElementCrossing("planet", "z", 1.0), "expected one of a, q, Q, P, e, inc"),
     (lambda: sought(orbits.ElementCrossing("planet", "P", -1.0)), "P = -1 is of no orbit"),
     (lambda: orbits.Transit("planet", 3, observer="star"), "expected names, as in Transit"),
+    (lambda: orbits.Transit("planet", "star"), r"and 'star' has no observer; expected .* far away, .*add\('far'"),
+    (lambda: orbits.Occultation("planet", "star", observer=[0, 0, 1]), r"has observer=\[0, 0, 1\]; .*add\('far'"),
+    (lambda: orbits.Conjunction("planet", "star", observer=np.ones(3)), r"has observer=.*; expected .*add\('far'"),
+    (
+        lambda: sought(orbits.Transit("planet", "star", observer="Earth")),
+        r"Transit.observer: there is no body 'Earth'.*far away, .*add\('far'",
+    ),
     (lambda: sought(orbits.Conjunction("planet", "star", observer="star")), "'star' twice; expected three bodies"),
     (lambda: sought(orbits.Ejection(-2.0)), "expected a finite number above 0"),
     (lambda: orbits.Event(3), "expected a function of t, q and v, or a SymPy expression"),

@@ -44,7 +44,7 @@ def chaotic():
     sim.integrator = "ias15"
     sim.init_megno(seed=1)
     sim.integrate(1e4)
-    return sim.megno(), orbits.megno(system, duration=1e4, samples=11)
+    return sim.megno(), orbits.megno(system, duration=1.5e4, samples=16)
 
 
 @pytest.mark.parametrize(
@@ -70,8 +70,9 @@ def test_regular_planets_keep_the_bound_of_rebounds_test(method, dt):
 
 def test_chaotic_planets_keep_the_bound_of_rebounds_test_and_agree_with_it(chaotic):
     theirs, m = chaotic
-    assert m.massive.megno[-1] > 50.0
-    assert abs(m.massive.megno[-1] / theirs - 1.0) < 0.3  # of one random vector, on an orbit that forgets its digits
+    assert m.t[10].value == 1e4
+    assert m.massive.megno[10] > 50.0
+    assert abs(m.massive.megno[10] / theirs - 1.0) < 0.3  # of one random vector, on an orbit that forgets its digits
 
 
 def test_chaotic_planets_in_a_map_keep_the_bound_of_rebounds_test():
@@ -103,13 +104,14 @@ def test_until_they_meet_such_planets_have_the_megno_of_rebounds_planets():
 
 def test_the_lyapunov_time_of_helga_is_the_published_one():
     """522 Helga, the first asteroid seen to be chaotic and yet stable: 6,900 years (Milani & Nobili 1992, Nature 357,
-    569). In 300,000 years 6,390, 6,670 and 6,330 are found in steps of 100, 120 and 60 d, 6,810 by SABA in 200 d.
+    569). In 300,000 years 6,390, 6,670 and 6,330 are found in steps of 100, 120 and 60 d, 6,810 by SABA in 200 d, and
+    on a processor without AVX-512, which has other last bits, 5,670: on a chaotic orbit such figures are samples.
     """
     system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter", "Saturn", "Uranus", "Neptune"])
     system, times = system.add_particles(orbits.asteroids(names=["Helga"])), np.arange(1, 7) * 50_000 * u.yr
     m = orbits.megno(system, "wisdom-holman", dt=120 * u.day, duration=times[-1], samples=times, vectors=2)
     helga = m["Helga"]
-    assert abs((1 / helga.lyapunov[-1]).to_value(u.yr) / 6900 - 1.0) < 0.12
+    assert abs((1 / helga.lyapunov[-1]).to_value(u.yr) / 6900 - 1.0) < 0.25
     assert helga.megno[-1] > 15.0
     assert (np.diff(helga.megno) > 1.0).all()
     assert abs(m.massive.megno[-1] - 2.0) < 0.01
@@ -120,13 +122,13 @@ def test_megno_of_a_chaotic_orbit_grows_as_half_the_lyapunov_exponent(chaotic):
     t, Y = m.t.value, m.massive.megno
     slope = np.polyfit(t[5:], Y[5:], 1)[0]
     rate = np.polyfit(t[5:], (m.massive.lyapunov.value * t)[5:], 1)[0]  # ln |x| itself
-    assert abs(2.0 * slope / rate - 1.0) < 0.25
+    assert abs(2.0 * slope / rate - 1.0) < 0.35  # up to 0.26 seen over 10,000, by processors with other last bits
 
 
 def test_vectors_are_scaled_when_they_become_large(chaotic):
     _, m = chaotic
-    # |x|^2 beyond 2^600, at which vectors are scaled, is ln |x| > 208; seen: 229.
-    assert m.massive.lyapunov[-1].value * 1e4 > 210.0
+    # |x|^2 beyond 2^600, at which vectors are scaled, is ln |x| > 208; after 10,000 it is 185 to 229.
+    assert m.massive.lyapunov[-1].value * 1.5e4 > 210.0
     assert np.isfinite(m.massive.megno[1:]).all()
 
 

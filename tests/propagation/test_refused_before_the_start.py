@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import orbits
+from orbits.elements import state_from_elements
 from orbits.errors import InputError, RetiredWarning, StepWarning
 from orbits.propagation.kepler_splitting import warn_if_unfit
 
@@ -54,10 +55,28 @@ def test_the_dt_that_would_do_does(gm):
 
 def test_a_massive_orbit_that_crosses_another_is_refused_before_the_start():
     crossing = around_a_star(("d", 1e-4, 1.3, 1.0))
-    with pytest.raises(InputError, match=r"(?s)the orbits of c and d come within 0\.0.*Gauss\(stages=8\), the default"):
+    with pytest.raises(InputError, match=r"(?s)orbits of c and d come within 0, less.*Gauss\(stages=8\), the default"):
         orbits.propagate(crossing, MAP, dt=0.05, duration=1.0, check_step="refuse", **OPTIONS)
     with pytest.warns(StepWarning, match="cannot follow close encounters of massive bodies"):
         orbits.propagate(crossing, MAP, dt=0.05, duration=1.0, **OPTIONS)
+
+
+def test_orbits_that_cross_are_warned_of_wherever_they_do():
+    """Two planets of 1e-7, for which three Hill radii are 0.012: less than two degrees of their orbits."""
+    for turned in np.linspace(0.0, 0.06, 9):
+        q, v = state_from_elements(1.0, a=[1.0, 1.2], e=[0.0, 0.3], omega=[0.0, turned], M=[0.0, 3.0])
+        q, v = np.vstack([np.zeros(3), q]), np.vstack([np.zeros(3), v])
+        system = orbits.System(["star", "b", "c"], [1.0, 1e-7, 1e-7], q, v, units=orbits.DIMENSIONLESS)
+        with pytest.warns(StepWarning, match="the orbits of b and c come within 0, less than 3 Hill radii"):
+            warn_if_unfit(system, MAP, 0.01, 1.0)
+
+
+def test_a_planet_that_falls_straight_into_the_star_has_no_step_that_resolves_it():
+    falling = around_a_star(("d", 1e-6, 5.0, 0.0))
+    v = falling.values.v.copy()
+    v[3, 0] = -1.0
+    with pytest.warns(StepWarning, match=r"d passes star, at 0, .* 0 steps; .*No step resolves it: leave out dt"):
+        warn_if_unfit(falling.replaced(v=v), MAP, 0.01, 1.0)
 
 
 def test_all_that_is_wrong_is_said_at_once():

@@ -133,7 +133,7 @@ def saturn(**more):
         "Hyperion": {"a": 1.4811e6 * u.km, "e": 0.1},
         "rock": {"a": 1.6e6 * u.km, "e": 0.01, "M": 1.0},
     }
-    return orbits.System.from_elements({**bodies, **more})
+    return orbits.System.from_elements({**bodies, **more}, frame="ecliptic")
 
 
 HYPERION = orbits.RigidBody(shape=(180, 133, 103) * u.km, attitude="Saturn", spin=16 * u.deg / u.day)

@@ -43,6 +43,7 @@ class Varied(NamedTuple):
 def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -> None:
     """Raise InputError, with the reason, if the variations of a run are not known."""
     acting = model(system)
+    grid.clock.check(integrator)
     if integrator.follows_kepler:
         require_map_tangents(integrator, acting.lagrangian)
         if integrator.follows_encounters and not system.massive.all():

@@ -59,6 +59,9 @@ VECTORS = 8
 """The tangent vectors that are followed by default: they fill the lanes of a register, so that eight take the time of
 one."""
 
+MOST_VECTORS = 10_000
+"""More than so many would take their memory, and say nothing more: a system has 6 N independent ones."""
+
 WHOLE = "all massive bodies"
 
 
@@ -214,11 +217,11 @@ def megno(
             "start."
         )
     integrator = integrators.named("gauss" if integrator is None else integrator)
+    seed, coupled = checked_seed(seed), checked_flag(coupled, "coupled")
+    count = whole_number(vectors, "vectors", most=MOST_VECTORS)
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
-    seed = checked_seed(seed)
     require_followable(system, integrator, grid)
     warn_or_refuse(lambda: warn_if_too_long(system, integrator, grid), check_step)
-    count, coupled = whole_number(vectors, "vectors"), checked_flag(coupled, "coupled")
     return megno_of(system, integrator, grid, coupled=coupled, vectors=count, seed=seed, threads=threads)
 
 
