@@ -32,6 +32,8 @@ DISTURBED = 0.1
 """Perturbations above this fraction of the attraction by the centre make an osculating ellipse meaningless."""
 HEAVY = 0.01
 """A companion with at least this fraction of the largest mass belongs to the centre of bodies that orbit both."""
+MOST_CENTRAL = 8
+"""The most bodies whose centre of mass is a centre of two-body motion."""
 ELLIPSE_POINTS = 721
 ARC_POINTS = 721
 """The most points from one sample to the next."""
@@ -76,24 +78,25 @@ class Orbit(NamedTuple):
 
 
 def centre_of(system: System, members: Bodies) -> Bodies:
-    """Return the bodies whose centre of mass `members` orbit as a group; none for the centre of the system."""
+    """Return the bodies whose centre of mass `members` orbit as a group; none for the centre of the system, and among
+    more than `MOST_CENTRAL` bodies of like mass, which are a cluster.
+    """
     gm, q, _, _ = system.values
     root = int(np.argmax(gm))
-    others = [j for j in np.flatnonzero(gm >= HEAVY * gm[root]).tolist() if j != root]
+    away = np.ones(len(gm), dtype=bool)
+    away[[root, *members]] = False
+    others = np.flatnonzero((gm >= HEAVY * gm[root]) & (np.arange(len(gm)) != root))
     if root in members:
-        return tuple(sorted(others, key=lambda j: -gm[j])[:1]) if members == (root,) else ()
+        return tuple(others[np.argsort(-gm[others], kind="stable")][:1].tolist()) if members == (root,) else ()
     place = _mean(gm, q, members)
-    mass = gm[list(members)].sum()
-    spheres = []
-    for j in np.flatnonzero(gm > mass).tolist():
-        hill = np.linalg.norm(q[j] - q[root]) * np.cbrt(gm[j] / (3.0 * gm[root]))
-        if j != root and j not in members and np.linalg.norm(q[j] - place) < hill:
-            spheres.append((hill, j))
-    if spheres:
-        return (min(spheres)[1],)
+    able = np.flatnonzero(away & (gm > gm[list(members)].sum()))
+    hill = np.linalg.norm(q[able] - q[root], axis=1) * np.cbrt(gm[able] / (3.0 * gm[root]))
+    inside = np.linalg.norm(q[able] - place, axis=1) < hill
+    if inside.any():
+        return (int(able[inside][np.argmin(hill[inside])]),)
     reach = np.linalg.norm(place - q[root]) / 2.0
-    inside = [j for j in others if j not in members and np.linalg.norm(q[j] - q[root]) < reach]
-    return (root, *inside)
+    with_root = others[away[others] & (np.linalg.norm(q[others] - q[root], axis=1) < reach)]
+    return (root, *with_root.tolist()) if len(with_root) < MOST_CENTRAL else ()
 
 
 def relative(gm: Array, q: Array, v: Array, members: Bodies, centre: Bodies) -> Orbit:
@@ -143,13 +146,13 @@ def ellipse(system: System, i: int) -> Array | None:
     return np.asarray(_mean(gm, q, (i, *centre)) + _share(gm, (i,), centre) * round_centre)
 
 
-def joined(run: Trajectory, i: int) -> Path:
-    """Return the path of body i.
+def joined(run: Trajectory, i: int, samples: Samples | None = None) -> Path:
+    """Return the path of body i; samples : of the run, if they are read for several bodies.
 
     It consists of straight lines between close samples, arcs of two-body motion between distant ones, and cubics where
     the motion is smooth but not Keplerian.
     """
-    samples = _Samples(run)
+    samples = samples or Samples(run)
     q, count = samples.q(i), len(run)
     if count < 2:
         return Path(_GAP, np.ones(count, dtype=bool), False)
@@ -219,8 +222,8 @@ def seen(run: Trajectory) -> NDArray[np.bool_]:
     return found
 
 
-class _Samples:
-    """The samples of a run, read body by body."""
+class Samples:
+    """The samples of a run, read body by body; those of the bodies used last are kept."""
 
     def __init__(self, run: Trajectory) -> None:
         self.run = run
@@ -271,9 +274,13 @@ class _Samples:
         return q, v
 
     def _body(self, i: int) -> tuple[Array, Array]:
-        if i not in self._known:
-            path = self.run[self.run.names[i]]
-            self._known[i] = (path.q.value, path.v.value)
+        if i in self._known:
+            self._known[i] = self._known.pop(i)
+            return self._known[i]
+        if len(self._known) > 2 * MOST_CENTRAL:
+            del self._known[next(iter(self._known))]
+        path = self.run[self.run.names[i]]
+        self._known[i] = (path.q.value, path.v.value)
         return self._known[i]
 
 

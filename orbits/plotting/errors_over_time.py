@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, shown
 from orbits.plotting import style, words
 from orbits.plotting.over_time import times_of, years
-from orbits.plotting.pictures import ROUNDING, looks_of, named_in, relative_change, there
+from orbits.plotting.pictures import ROUNDING, counted, looks_of, named_in, relative_change, there
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -148,13 +148,12 @@ def _conserved(run: Trajectory) -> dict[str, Array]:
     the vector of changes.
     """
     drift = run.drift()
+    energy, moment, _ = run.conserved()
     found: dict[str, Array] = {}
     if not np.isnan(drift.energy.max_fraction) and drift.energy.scale:
-        energy = (run.energy() + run.energy_lost()).value
-        found["energy, ΔE/|E|"] = (energy - energy[0]) / drift.energy.scale
+        found["energy, ΔE/|E|"] = (energy[1:] - energy[0]) / drift.energy.scale
     if not np.isnan(drift.angular_momentum.max_fraction) and drift.angular_momentum.scale:
-        moment = (run.angular_momentum() + run.angular_momentum_lost()).value
-        found["angular momentum, |ΔL|/|L|"] = relative_change(moment, drift.angular_momentum.scale, 0.0)
+        found["angular momentum, |ΔL|/|L|"] = relative_change(moment, drift.angular_momentum.scale, 0.0)[1:]
     return found
 
 
@@ -189,8 +188,8 @@ def _draw_positions(axes: Axes, run: Trajectory, errors: Array, chosen: Sequence
         with np.errstate(all="ignore"):
             low, middle, high = np.nanpercentile(np.where(np.isfinite(values), values, np.nan), (5, 50, 95), axis=1)
         axes.fill_between(t, np.maximum(low, FLOOR), np.maximum(high, FLOOR), color=style.FAINT, lw=0, zorder=0)
-        axes.plot(t, np.maximum(middle, FLOOR), color=style.GREY, label=f"{len(cloud):,} massless bodies, median")
-        told.append("grey band: nine tenths of the massless bodies")
+        axes.plot(t, np.maximum(middle, FLOOR), color=style.GREY, label=f"{counted(run.system, cloud)}, median")
+        told.append(f"grey band: nine tenths of the {counted(run.system, cloud)}")
     largest = 0.0
     for i in chosen:
         if i in looks:

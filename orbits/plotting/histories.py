@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import index_of, with_article
-from orbits.elements import default_frame, elements_from_state, to_frame
+from orbits.elements import elements_from_state, to_frame
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def histories(
             f"kind={kind!r} draws orbits about {with_article(run.names[primary])}, but no other body is asked for; "
             "name some, or draw kind='paths'."
         )
-    frame = (default_frame(run.system.units) if frame is None else frame).lower()
+    frame = (run.system.frame if frame is None else frame).lower()
     gm = np.broadcast_to(run.system.values.gm, (len(run), len(run.names)))
     if run.changes is not None:
         gm = run.changes.over(run.times).gm

@@ -1,4 +1,4 @@
-"""A figure that notebooks display without pyplot."""
+"""A figure that notebooks display without pyplot, and whose titles and axes are fitted when it is drawn."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+
+from orbits.plotting.fitting import fit_titles, set_figures
 
 DOTS_IN_A_NOTEBOOK = 60
 """Dots per inch of the displayed size; the picture has more, for high-resolution screens."""
@@ -27,6 +29,12 @@ class Picture(Figure):
         super().__init__(**options)
         self._look = look
         FigureCanvasAgg(self)
+
+    def draw(self, renderer: Any) -> None:
+        """Draw the figure: titles fit their panels, and offsets of axes can be read."""
+        set_figures(self)
+        fit_titles(self, renderer)
+        super().draw(renderer)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         memory = BytesIO()

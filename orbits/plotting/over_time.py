@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
+from orbits.elements import FRAMES
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.plotting import style, words
 from orbits.plotting.histories import TURNING, Histories, histories, last_seen, pieces, primary_of
-from orbits.plotting.pictures import FRAME_LABELS, Looks, looks_of, named_in, there
+from orbits.plotting.pictures import Looks, counted, looks_of, named_in, there
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,7 +47,7 @@ WORDS: Mapping[str, str] = {
 MOST_MARKS = 300
 """The most events, and approaches, that are marked."""
 
-CLOUD = "thin lines, from blue to yellow: massless bodies, in the order of their first values"
+CLOUD = "thin lines, from blue to yellow: {}, in the order of their first values"
 
 
 @style.look()
@@ -107,7 +108,7 @@ def _draw(
     told: dict[str, None] = {}
     if cloud:
         _draw_many(axes, t, values[:, [known.bodies.index(i) for i in cloud]], turn)
-        told[CLOUD] = None
+        told[CLOUD.format(counted(run.system, cloud))] = None
     ends = run.reached if run.span is not None else run.last_time
     for k, i in enumerate(known.bodies):
         last = last_seen(values[:, k])
@@ -215,7 +216,7 @@ def plot_phase(
     if not bound.all() and (known["e"] >= 1.0).any():
         told["samples on hyperbolas are left out"] = None
     if cloud:
-        plane.plot([], [], ".", ms=8, mew=0, color=style.BLUE, label=f"{len(cloud):,} massless bodies")
+        plane.plot([], [], ".", ms=8, mew=0, color=style.BLUE, label=counted(run.system, cloud))
     about_origin(plane, max(map(abs, (*plane.get_xlim(), *plane.get_ylim()))))
     unit = _unit(run)
     plane.set(xlabel="k = e cos ϖ", ylabel="h = e sin ϖ")
@@ -295,8 +296,7 @@ def years(axes: Axes, run: Trajectory, t: Array) -> None:
 
 def heading(run: Trajectory, known: Histories) -> str:
     """Return what a picture of elements is of: the centre, the frame and the method."""
-    physical = run.system.units.is_physical or known.frame == "ecliptic"
-    frame = f", {FRAME_LABELS.get(known.frame, known.frame)}" if physical else ""
+    frame = f", {FRAMES[known.frame]}" if known.frame != "system" else ""
     method = words.method_words(run.integrator.label)
     return f"orbits about {words.in_prose(run.names[known.primary])}{frame}; {method}"
 

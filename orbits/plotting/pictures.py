@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits import body_names
-from orbits.elements import default_frame, to_frame
+from orbits.elements import FRAMES, to_frame
 from orbits.errors import InputError
 from orbits.plotting import arcs, style, words
 
@@ -26,6 +26,8 @@ Looks = dict[int, dict[str, Any]]
 
 MOST_PATHS = 24
 """The most bodies whose paths are drawn as lines; if there are more, massless ones become a cloud of points."""
+MOST_LINES = 200
+"""The most massive bodies that are drawn as lines; the others join the cloud."""
 MOST_NAMES = 40
 """The most names in a legend."""
 STILL = 0.01
@@ -34,7 +36,6 @@ ROUNDING = "dashed: 2⁻⁵³, the rounding of one float64; changes of exactly 0
 ELLIPSES = "ellipses: the osculating two-body orbits at this time"
 INNER, FEW = 0.1, 3
 """Bodies within this fraction of the largest distance get a map of their own, if they are at least three."""
-FRAME_LABELS: Mapping[str, str] = {"ecliptic": "ecliptic of J2000", "icrf": "ICRF"}
 
 
 @style.look()
@@ -42,8 +43,8 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
     """Return a picture of a system from above: bodies at the epoch with their osculating ellipses.
 
     Bodies close to the centre are also shown in a map of their own.
-    frame : the view is along the third axis of the "ecliptic" of J2000 or of the "icrf" (the system's own axes); by
-        default the ecliptic if units are physical, assuming that the system's axes are those of the ICRF
+    frame : the view is along the third axis of the "ecliptic" of J2000, of the "icrf" or of the "system" itself; by
+        default `System.frame`
     Raises UnknownNameError for another frame.
     """
     looks, cloud = looks_of(system, list(range(len(system))))
@@ -51,20 +52,20 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
     inner = _inner(system, points, looks, cloud)
     made = style.figure(16, 9.5) if inner else style.figure(11, 11)
     maps = made.subplots(1, 2) if inner else [made.subplots()]
-    ellipses = [
+    told = [
         _draw_bodies(axes, system, points, looks, [i for i in cloud if i in chosen], chosen, frame)
         for axes, chosen in zip(maps, (set(range(len(system))), inner), strict=False)
     ]
     maps[0].set_title(words.moment(system) if title is None else title, parse_math=False)
-    style.below(made, *named_in(maps[0]), ELLIPSES if any(ellipses) else "")
+    style.below(made, *named_in(maps[0]), "; ".join(dict.fromkeys(words for some in told for words in some)))
     return made
 
 
 def _draw_bodies(
     axes: Axes, system: System, points: Array, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
-) -> bool:
-    """Draw the chosen bodies and their ellipses, and return whether there are any ellipses."""
-    _draw_cloud(axes, points[cloud])
+) -> list[str]:
+    """Draw the chosen bodies and their ellipses, and return the meaning of the marks."""
+    told = [words for words in [_draw_cloud(axes, system, points, cloud)] if words]
     middle, any_ellipse = int(np.argmax(system.values.gm)), False
     for i in sorted(chosen & set(looks)):
         path = osculating_ellipse(system, i, frame)
@@ -73,7 +74,7 @@ def _draw_bodies(
             axes.plot(path[:, 0], path[:, 1], lw=1.2, alpha=0.8, color=looks[i]["color"])
         axes.plot(*points[i, :2], "o", ms=9 if i == middle else 6, **looks[i])
     map_axes(axes, system, frame)
-    return any_ellipse
+    return [*[ELLIPSES] * any_ellipse, *told]
 
 
 @style.look()
@@ -83,7 +84,8 @@ def plot_trajectory(
     """Return a picture of a run: the paths from above, and the errors of energy and angular momentum against time.
 
     Bodies close to the centre are also shown in a map of their own.
-    bodies : all by default; if there are many, massless ones are shown as a cloud of points at the end of the run
+    bodies : all by default; if there are many, massless ones, and all but the 200 most massive ones, are shown as a
+        cloud of points at the end of the run
     frame : as in `plot_system`
     Bodies that merge into another one end in the picture where they merge. Raises InputError for a run without samples,
     and for bodies that are in none of them; UnknownNameError for a frame or body that does not exist.
@@ -116,7 +118,8 @@ def paths(
     """Draw the paths as seen from above, and return the meaning of the marks, for a caption.
 
     Samples that are far apart are joined by arcs of two-body motion, or drawn as dots if the motion is not Keplerian.
-    Many massless particles are drawn as points at the last sample. Raises as `plot_trajectory` does.
+    Many massless particles, and massive bodies beyond the 200 most massive ones, are drawn as points at the last
+    sample. Raises as `plot_trajectory` does.
     """
     chosen = there(run, bodies)
     looks, cloud = looks_of(run.system, chosen)
@@ -128,11 +131,13 @@ def _draw_paths(
 ) -> tuple[str, ...]:
     system = run.system
     told: dict[str, None] = {}
-    end = arcs.last_state(run)
+    samples = arcs.Samples(run)
+    end = samples.end
     last = in_plane(system, end.values.q, frame)
-    _draw_cloud(axes, last[cloud])
     middle = int(np.argmax(end.values.gm))
     merged = _merged(run)
+    if words_of_cloud := _draw_cloud(axes, system, last, [i for i in cloud if not merged[i]]):
+        told[words_of_cloud] = None
     reach = float(np.linalg.norm(last[sorted(chosen)] - last[middle], axis=1).max())
     for i in sorted(chosen & set(looks)):
         look, colour = looks[i], looks[i]["color"]
@@ -142,7 +147,7 @@ def _draw_paths(
             axes.plot(*last[i, :2], "o", ms=6, mec="white", mew=0.5, zorder=3, **look)
         if i == middle and np.ptp(run[system.names[i]].q.value, axis=0).max() < STILL * reach:
             continue
-        path = arcs.joined(run, i)
+        path = arcs.joined(run, i, samples)
         curve = in_plane(system, path.curve, frame)
         axes.plot(curve[:, 0], curve[:, 1], lw=1.3, color=colour)
         if path.loose.any():
@@ -172,9 +177,9 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
     for k, (label, run) in enumerate(runs.items()):
         look: dict[str, Any] = {"color": style.PALETTE[k % len(style.PALETTE)], "lw": 1.4}
         kept, t = run.drift(), run.times * factor
-        kinds = run.energy() + run.energy_lost(), run.angular_momentum() + run.angular_momentum_lost()
-        energy.plot(t, relative_change(kinds[0].value, kept.energy.scale), label=label, **look)
-        momentum.plot(t, relative_change(kinds[1].value, kept.angular_momentum.scale), **look)
+        changing, turning, _ = run.conserved()
+        energy.plot(t, relative_change(changing, kept.energy.scale)[1:], label=label, **look)
+        momentum.plot(t, relative_change(turning, kept.angular_momentum.scale)[1:], **look)
     for axes, name in ((energy, "energy, |ΔE/E|"), (momentum, "angular momentum, |ΔL|/|L|")):
         axes.set_yscale("log")
         low, high = axes.get_ylim()
@@ -221,16 +226,16 @@ def relative_change(series: Array, scale: float | None = None, floor: float = 2.
 def in_plane(system: System, q: Array, frame: str | None = None) -> Array:
     """Return positions as seen from above, (..., 3), in the axes of `frame`.
 
-    The default is the ecliptic for systems with physical units, and otherwise the system's own axes.
+    The default is `System.frame`.
     """
-    return to_frame(q, default_frame(system.units) if frame is None else frame)
+    return to_frame(q, system.frame if frame is None else frame)
 
 
 def map_axes(axes: Axes, system: System, frame: str | None = None, origin: str = "") -> None:
     """Label the axes of a map with frame, origin and unit, and give both axes the same scale."""
     unit = str(system.units.length).replace("AU", "au")
-    frame = default_frame(system.units) if frame is None else frame.lower()
-    where = FRAME_LABELS[frame] if system.units.is_physical or frame == "ecliptic" else ""
+    frame = system.frame if frame is None else frame.lower()
+    where = FRAMES[frame] if frame != "system" else ""
     axes.set_aspect("equal", adjustable="datalim")
     limits = (*axes.get_xlim(), *axes.get_ylim())
     power = 3 * int(np.floor(np.log10(max(map(abs, limits))) / 3))
@@ -283,13 +288,20 @@ def _merged(run: Trajectory) -> NDArray[np.bool_]:
 
 def looks_of(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
     """Return the looks of the bodies that are drawn individually, and the bodies that are drawn as a cloud."""
-    cloud = [i for i in chosen if not system.massive[i]] if len(chosen) > MOST_PATHS else []
-    single = [i for i in chosen if i not in set(cloud)]
+    massive = system.massive
+    heavy = sorted((i for i in chosen if massive[i]), key=lambda i: -system.values.gm[i])
+    gone = set(heavy[MOST_LINES:]) | ({i for i in chosen if not massive[i]} if len(chosen) > MOST_PATHS else set())
+    cloud, single = [i for i in chosen if i in gone], [i for i in chosen if i not in gone]
     names = [system.names[i] for i in single]
     colours = style.colours(names)
     return {
         i: {"color": colour, "label": words.short(name)} for i, name, colour in zip(single, names, colours, strict=True)
     }, cloud
+
+
+def counted(system: System, cloud: list[int]) -> str:
+    """Return the number of the bodies of a cloud in words."""
+    return f"{len(cloud):,} {'lighter' if system.massive[cloud].any() else 'massless'} bodies"
 
 
 def _inner(system: System, points: Array, looks: Looks, cloud: list[int]) -> set[int]:
@@ -301,12 +313,15 @@ def _inner(system: System, points: Array, looks: Looks, cloud: list[int]) -> set
     return {middle, *close} if middle in looks and len(close & set(looks)) >= FEW else set()
 
 
-def _draw_cloud(axes: Axes, points: Array) -> None:
-    if len(points):
-        label = f"{len(points):,} massless bodies"
-        look: dict[str, Any] = {"mew": 0, "color": style.GREY}
-        axes.plot(points[:, 0], points[:, 1], ".", ms=3, alpha=0.7, zorder=1, **look)
-        axes.plot([], [], ".", ms=8, label=label, **look)
+def _draw_cloud(axes: Axes, system: System, points: Array, cloud: list[int]) -> str:
+    """Draw bodies as points, and return what they are if the legend has no room for it."""
+    if not cloud:
+        return ""
+    label = counted(system, cloud)
+    look: dict[str, Any] = {"mew": 0, "color": style.GREY}
+    axes.plot(points[cloud, 0], points[cloud, 1], ".", ms=3, alpha=0.7, zorder=1, **look)
+    axes.plot([], [], ".", ms=8, label=label, **look)
+    return f"grey points: {label}, without a line" if system.massive[cloud].any() else ""
 
 
 def named_in(axes: Axes) -> tuple[list[Any], list[str]]:

@@ -14,7 +14,7 @@ from orbits.errors import InputError, shown
 from orbits.plotting import style, words
 from orbits.plotting.histories import Histories, histories, pieces, primary_of
 from orbits.plotting.over_time import about_origin, heading, times_of, years
-from orbits.plotting.pictures import looks_of, named_in, there
+from orbits.plotting.pictures import counted, looks_of, named_in, there
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,7 +122,7 @@ def plot_resonance(
             over.plot(*pieces(t, shown_phi, 360.0), lw=1.1, zorder=3, **look)
         plane.plot(x, y, ".", ms=3, mew=0, color=look["color"])
     if cloud:
-        over.plot([], [], ".", ms=8, color=style.GREY, label=f"{len(cloud):,} massless bodies")
+        over.plot([], [], ".", ms=8, color=style.GREY, label=counted(run.system, cloud))
     over.set_ylim(low, low + 360.0)
     over.set_yticks(np.arange(low, low + 361.0, 60.0))
     over.set(xlabel=words.since(run.system, unit), ylabel=f"φ = {_formula(p, q)} [°]")
@@ -135,7 +135,7 @@ def plot_resonance(
     own = f"{p}:{q} with {words.short(run.names[other])}; {heading(run, known)}"
     over.set_title(own if title is None else title)
     told = [f"{count:,} of {len(chosen):,} librate in these samples"] * (len(chosen) > 1)
-    told += ["many massless bodies: blue where they librate, else grey"] * bool(cloud)
+    told += ["many other bodies: blue where they librate, else grey"] * bool(cloud)
     far = "1 body far from the resonance is" if left_out == 1 else f"{left_out:,} bodies far from the resonance are"
     told += [f"{far} left out"] * bool(left_out)
     style.below(made, *named_in(over), "; ".join([*told, "primed: of the planet"]))

@@ -13,17 +13,25 @@ if TYPE_CHECKING:
 MOST_EACH, MOST = 5, 4000
 """The most approaches of one body, the closest first, and of all."""
 
+MOST_MASSIVE = 100
+"""The most massive bodies that are marched again up to their approaches."""
+
+AS_RECORDED = "of {:,} massive bodies: as recorded on the way, to about 1e-3 of the distance"
+
 
 def approaches_of(run: Trajectory, layout: Layout) -> dict[str, Any]:
-    """Return {"list": rows (body, other, time, distance, speed), "why": ""}; the bodies by their places on the page.
+    """Return {"list": rows (body, other, time, distance, speed), "why": "", "said": ""}; the bodies by their places on
+    the page.
 
-    A run that has no record of its passages has an empty list, and says why.
+    A run that has no record of its passages has an empty list, and says why. Many massive bodies would take as long to
+    be marched again as the run took: their approaches are as recorded, and `said` says so.
     """
     if run.changes is not None and len(run.legs) > 1:
         return {"list": [], "why": "not sought in runs whose bodies merge, bounce or are changed; see the time line"}
     try:
-        found = run.closest_approaches()
-        passages = list(found)
+        found, massive = run.closest_approaches(), int(run.system.massive.sum())
+        many = massive > MOST_MASSIVE
+        passages = found.as_recorded() if many else iter(found)
     except OrbitsError as error:
         return {"list": [], "why": str(error)}
     place = {run.names[i]: k for k, i in enumerate((*layout.bodies, *layout.points))}
@@ -38,4 +46,4 @@ def approaches_of(run: Trajectory, layout: Layout) -> dict[str, Any]:
         rows.append([place[one.body], place[one.other], *(float(x.value) for x in (one.time, one.distance, one.speed))])
         if len(rows) == MOST:
             break
-    return {"list": rows, "why": ""}
+    return {"list": rows, "why": "", "said": AS_RECORDED.format(massive) if many else ""}

@@ -1,8 +1,7 @@
 """The data of a view: samples as numbers, what is conserved, events, names and units, for JSON.
 
-Positions and velocities are in the ecliptic of J2000 for systems with physical units, otherwise in the system's own
-axes. Bodies that are drawn one by one have float64, relative to their centres (see `orbits.viewing.layout`); the others
-are float32, relative to the root.
+Positions and velocities are in the frame of the system (`System.frame`). Bodies that are drawn one by one have float64,
+relative to their centres (see `orbits.viewing.layout`); the others are float32, relative to the root.
 
 A run whose samples take more than `LIMIT` bytes is thinned by one rule: every m-th sample is kept, with the least m
 that fits; where this would leave less than `FEWEST` samples of a run with points, `FEWEST` of them and every k-th point
@@ -21,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import few
-from orbits.elements import default_frame, to_frame
+from orbits.elements import FRAMES, to_frame
 from orbits.errors import ArchiveError, InputError
 from orbits.plotting import style, words
-from orbits.system.model import acts_on_massive
 from orbits.trajectory.archived import identity_of
 from orbits.trajectory.work import accounts_of
 from orbits.viewing.approaches import approaches_of
@@ -104,8 +102,9 @@ class ViewData:
         self.layout = Layout.of(system, there, self.thinning.points)
         self.points = len(whole.points)
         self.said = self.thinning.said(self.total, self.points)
-        self._frame = default_frame(system.units)
-        self._scales = _Scales(run)
+        self._frame = system.frame
+        drift = run[:1].drift()
+        self._scales = {"energy": drift.energy.scale, "angular momentum": drift.angular_momentum.scale}
 
     def chosen(self, run: Trajectory, first: int) -> NDArray[np.intp]:
         """Return the numbers of the samples that a page has from its sample `first` on; the last one of a complete run
@@ -131,7 +130,7 @@ class ViewData:
         return {
             "title": self.title or _title(system),
             "made_by": f"{words.method_words(run.integrator.label)}{_step(run)}",
-            "frame": "ecliptic of J2000" if self._frame == "ecliptic" else "the system's own axes",
+            "frame": FRAMES[self._frame],
             "units": {
                 "length": str(system.units.length).replace("AU", "au"),
                 "speed": {
@@ -185,7 +184,7 @@ class ViewData:
             "bodies": encoded(bodies),
             "points": encoded(points),
             "numbers": encoded(rows.astype(np.float64)),
-            "conserved": self._scales.changes(run, rows),
+            "conserved": self._changes(run, rows),
             "complete": bool(run.complete),
             "ended": _ended(run),
             "events": happenings(run, self.layout),
@@ -195,6 +194,19 @@ class ViewData:
             bars = run.error_bars.position.value[rows]
             some["errors"] = encoded(bars[:, [*self.layout.bodies, *light]].astype(np.float32))
         return some
+
+    def _changes(self, run: Trajectory, rows: NDArray[np.intp]) -> list[dict[str, Any]]:
+        """Return the relative changes of energy and angular momentum since the start of a run, at some samples; none of
+        what is not conserved.
+        """
+        some = run.with_samples(run.times[rows], *_states(run, rows))
+        some.accounts = accounts_of(run)[rows]  # the spins of rigid bodies are among them
+        found = []
+        for (name, scale), kept in zip(self._scales.items(), some.conserved()[:2], strict=True):
+            if not math.isnan(scale):
+                change = np.linalg.norm((kept[1:] - kept[0]).reshape(len(rows), kept[0].size), axis=1) / (scale or 1.0)
+                found.append({"name": name, "change": encoded(change)})
+        return found
 
     def _masses(self, run: Trajectory) -> list[list[Any]]:
         """Return the times from which on masses are others, each with the GM of all bodies; [] if they stay the same.
@@ -209,41 +221,6 @@ class ViewData:
             known = dict(zip(leg.names, leg.gm.value.tolist(), strict=True))
             found.append([float(leg.time.value), [known.get(run.system.names[i], 0.0) for i in self.layout.bodies]])
         return found
-
-
-class _Scales:
-    """Energy and angular momentum at the start of a run, and their scales, from which changes are measured."""
-
-    def __init__(self, run: Trajectory) -> None:
-        kept = run.drift() if len(run) == 1 else run[:1].drift()
-        self.scales = [kept.energy.scale, kept.angular_momentum.scale]
-        self._first: list[Array] | None = None
-        self._first = self._values(run, np.array([0]))
-
-    def changes(self, run: Trajectory, rows: NDArray[np.intp]) -> list[dict[str, Any]]:
-        """Return the relative changes of energy and angular momentum at some samples; none of what is not conserved."""
-        assert self._first is not None
-        found = []
-        values = self._values(run, rows)
-        names = ("energy", "angular momentum")
-        for name, first, now, scale in zip(names, self._first, values, self.scales, strict=True):
-            if math.isnan(scale):
-                continue
-            change = np.linalg.norm((now - first[0]).reshape(len(rows), first[0].size), axis=1) / (scale or 1.0)
-            found.append({"name": name, "change": encoded(change)})
-        return found
-
-    def _values(self, run: Trajectory, rows: NDArray[np.intp]) -> list[Array]:
-        """Return energy (n,) and angular momentum (n, 3) less what forces and mergers gave and took."""
-        accounts = accounts_of(run)[rows]
-        some = run.with_samples(run.times[rows], *_states(run, rows))
-        some.accounts = accounts  # the spins of rigid bodies are among them
-        energy = (some.energy() + some.energy_lost()).value
-        moment = (some.angular_momentum() + some.angular_momentum_lost()).value
-        if acts_on_massive(run.system):
-            given = accounts.sum(axis=1) / run.system.units.G
-            energy, moment = energy - given[:, 0], moment - given[:, 1:4]
-        return [energy, moment]
 
 
 def _states(run: Trajectory, rows: Iterable[int]) -> tuple[Array, Array]:

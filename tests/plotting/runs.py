@@ -17,12 +17,13 @@ MERGING = {
 
 
 def about_a_star(bodies, times, *, units=orbits.DIMENSIONLESS, epoch=None, method=None):
-    """Return the run of massless `bodies`, elements by name, about a star of GM 1 (of the Sun, where units are
-    physical).
+    """Return the run of massless `bodies`, elements by name, about a star of GM 1, or about the Sun where units are
+    physical.
     """
+    star = "star" if units == orbits.DIMENSIONLESS else "Sun"
     gm = 1.0 if units == orbits.DIMENSIONLESS else orbits.System.solar_system(bodies=["Sun"]).values.gm[0]
     massless = {name: {"gm": 0.0, **elements} for name, elements in bodies.items()}
-    system = orbits.System.from_elements({"star": {"gm": gm}, **massless}, units=units, epoch=epoch)
+    system = orbits.System.from_elements({star: {"gm": gm}, **massless}, units=units, epoch=epoch)
     _, q, v, _ = system.values
     times = np.asarray(times, dtype=float)
     paths = [kepler_flow(q[i] - q[0], v[i] - v[0], gm, times) for i in range(1, len(system))]

@@ -55,6 +55,19 @@ def outside(figure):
     return [each for each, box in boxes if box.x0 < -1 or box.y0 < -1 or box.x1 > width + 1 or box.y1 > height + 1]
 
 
+def titles_on_panels(figure):
+    """Return the titles of panels that reach into another panel or the figures of its axes."""
+    renderer = figure.canvas.get_renderer()
+    titles = {axes: [text for text in (axes._left_title, axes.title) if text.get_text()] for axes in figure.get_axes()}
+    return [
+        text.get_text()
+        for axes, own in titles.items()
+        for text in own
+        for other in titles
+        if other is not axes and text.get_window_extent(renderer).overlaps(other.get_tightbbox(renderer))
+    ]
+
+
 def captions_on_legends(figure):
     """Return the captions that a legend of the figure overlaps."""
     renderer = figure.canvas.get_renderer()

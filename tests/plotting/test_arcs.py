@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import orbits
 from orbits.elements.kepler_flow import kepler_flow
-from orbits.plotting import arcs, osculating_ellipse
+from orbits.plotting import arcs, osculating_ellipse, pictures
 from tests.plotting.runs import about_a_star
 
 PERIOD = 2 * np.pi
@@ -63,7 +64,7 @@ def test_the_curve_passes_through_every_sample_at_its_time():
 
 def test_the_arc_is_where_the_body_is_at_each_of_its_times():
     run = about_a_star({"planet": CONICS["comet"]}, np.linspace(0.0, 6.0, 4))
-    samples = arcs._Samples(run)
+    samples = arcs.Samples(run)
     orbit, k = samples.orbit((1,), (0,)), np.arange(3)
     times = arcs._nodes(orbit, run.times, k)
     points, good = samples.arcs((1,), orbit, k)
@@ -129,3 +130,37 @@ def test_three_equal_masses_osculate_no_ellipse():
     v = [[0.0, 0.5, 0.0], [-0.433, -0.25, 0.0], [0.433, -0.25, 0.0]]
     system = orbits.System.from_states(["a", "b", "c"], [1.0] * 3, q, v, units=orbits.DIMENSIONLESS)
     assert [osculating_ellipse(system, name) for name in "abc"] == [None] * 3
+
+
+def test_a_disc_of_thousands_of_massive_bodies_has_lines_of_the_heaviest_and_says_that_the_others_are_points(
+    monkeypatch,
+):
+    """The centres of the bodies that are drawn are looked for, each in one pass over all bodies."""
+    count, random = 2000, np.random.default_rng(0)
+    a, turned = random.uniform(0.8, 1.5, count), random.uniform(0.0, 2.0 * np.pi, count)
+    bodies = {f"b{k}": {"a": a[k], "l": turned[k]} for k in range(count)}
+    still = about_a_star(bodies, [0.0, 0.1])
+    gm = np.append(1.0, np.linspace(1e-9, 2e-9, count))
+    run = orbits.Trajectory(
+        still.system.replaced(gm=gm), still.times, still.q.value, still.v.value, step=0.1, integrator=still.integrator
+    )
+    calls = []
+    centre_of = arcs.centre_of
+    monkeypatch.setattr(arcs, "centre_of", lambda *given: calls.append(given) or centre_of(*given))
+    figure = Figure()
+    axes = figure.subplots()
+    told = pictures.paths(axes, run)
+    assert len(calls) <= 4 * pictures.MOST_LINES
+    assert f"grey points: {count + 1 - pictures.MOST_LINES:,} lighter bodies, without a line" in told
+    (cloud,) = (line for line in axes.lines if len(line.get_xdata()) == count + 1 - pictures.MOST_LINES)
+    assert cloud.get_linestyle() == "None"
+
+
+def test_a_cluster_of_like_masses_is_no_centre_of_two_body_motion():
+    random = np.random.default_rng(0)
+    cluster = orbits.System(
+        [f"b{k}" for k in range(40)], gm=np.full(40, 1 / 40), q=random.standard_normal((40, 3)),
+        v=random.standard_normal((40, 3)), units=orbits.DIMENSIONLESS,
+    )  # fmt: skip
+    centres = [arcs.centre_of(cluster, (k,)) for k in range(40)]
+    assert max(map(len, centres)) <= arcs.MOST_CENTRAL

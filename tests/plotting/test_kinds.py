@@ -83,7 +83,7 @@ def test_nothing_overlaps_in_a_picture_of_any_kind(name, of, request):
 
 def test_lines_of_elements_are_the_elements_of_the_run(kepler):
     figure = kepler.plot("elements", elements=("a", "e", "inc"))
-    known = kepler.elements("star")
+    known = kepler.elements("Sun")
     for label, key, unit in (("axis a", "a", u.au), ("eccentricity", "e", ""), ("inclination", "inc", u.deg)):
         for name in PLANETS:
             t, drawn = line_of(panel(figure, label), name).get_data()
@@ -141,7 +141,7 @@ def test_phase_planes_have_equal_scales_about_the_origin_and_both_ends(kepler):
     assert plane.get_xlim() == plane.get_ylim()
     assert plane.get_xlim()[0] == -plane.get_xlim()[1]
     dots = next(line for line in plane.lines if len(line.get_data()[0]) == len(kepler))
-    known = kepler.elements("star")["inner"]
+    known = kepler.elements("Sun")["inner"]
     assert np.allclose(dots.get_data(), [known.k.value, known.h.value], atol=1e-13)
 
 
@@ -204,14 +204,14 @@ def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
         ("elements", {"elements": ("a", "Z")}, UnknownNameError, "there is no element 'Z' to draw"),
         ("elements", {"elements": ()}, InputError, "elements is empty"),
         ("elements", {"primary": "inner"}, InputError, "inner has no mass"),
-        ("elements", {"bodies": ["star"]}, InputError, "no other body is asked for"),
+        ("elements", {"bodies": ["Sun"]}, InputError, "no other body is asked for"),
         ("phase", {"bodies": ["Vulcan"]}, UnknownNameError, "Vulcan"),
         ("resonance", {}, InputError, "give resonance='3:1'"),
         ("resonance", {"resonance": "3:1"}, InputError, "there is none; give planet="),
         ("resonance", {"resonance": "three"}, InputError, "two whole numbers"),
         ("error", {"reference": 3}, InputError, "expected a Trajectory"),
-        ("error", {}, InputError, r"of star alone, which nothing perturbs; .*, and no errors of positions are known"),
-        ("energy", {}, InputError, "nothing to draw: energy and angular momentum are those of star alone"),
+        ("error", {}, InputError, r"of Sun alone, which nothing perturbs; .*, and no errors of positions are known"),
+        ("energy", {}, InputError, "nothing to draw: energy and angular momentum are those of Sun alone"),
     ],
 )
 def test_what_a_picture_cannot_show_is_said(kepler, kind, options, error, message):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -166,3 +168,33 @@ def test_a_report_of_a_long_run_is_in_years_and_of_one_back_in_time_says_so():
     report = make(NINE, NINE)
     assert "time since the start [Myr]" in seen.texts(picture(replace(report, times=report.times * 1e4)))
     assert "time before the start [yr]" in seen.texts(picture(replace(report, times=-report.times)))
+
+
+NAME_OF_A_METHOD = "Wisdom–Holman, democratic–heliocentric, standard, corrector 17, follow, dt = 12.5 d; " * 2
+
+
+@pytest.mark.parametrize("kind", ["paths", "elements", "phase"])
+def test_a_long_title_is_broken_into_lines_that_end_before_the_next_panel(kind):
+    figure = seen.laid_out(physical(36525.0).plot(kind, title=NAME_OF_A_METHOD))
+    assert seen.outside(figure) == []
+    assert seen.titles_on_panels(figure) == []
+    assert any(" ".join(text.split()) == NAME_OF_A_METHOD.strip() for text in seen.texts(figure))
+
+
+def test_the_long_title_of_a_report_is_whole():
+    report = make(NINE, NINE)
+    figure = seen.laid_out(picture(replace(report, settings={**report.settings, "title": NAME_OF_A_METHOD})))
+    assert seen.outside(figure) == []
+    assert any(" ".join(text.split()) == NAME_OF_A_METHOD.strip() for text in seen.texts(figure))
+
+
+def test_the_offset_of_an_axis_is_in_its_label():
+    """Of an unperturbed orbit, whose elements change by round-off alone: matplotlib has 1e-13+2.864788976e-1."""
+    run = about_a_star({"planet": {"a": 1.0, "e": 0.2864788976}}, np.linspace(0.0, 36525.0, 60), units=orbits.SOLAR)
+    figure = seen.laid_out(run.plot("elements", elements=("e", "a")))
+    eccentricity, axis = (axes.yaxis for axes in figure.get_axes()[:2])
+    assert eccentricity.get_label_text() == "eccentricity e\n− 0.2864788976 [10⁻¹³]"
+    assert axis.get_label_text() == "semi-major axis a\n− 1 [10⁻¹² au]"
+    assert {each.get_offset_text().get_text() for each in (eccentricity, axis)} == {""}
+    seen.laid_out(figure)  # again
+    assert eccentricity.get_label_text() == "eccentricity e\n− 0.2864788976 [10⁻¹³]"

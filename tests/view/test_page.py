@@ -301,6 +301,22 @@ def test_a_run_that_was_stopped_has_its_approaches(tmp_path: Path) -> None:
     run.close()
 
 
+def test_approaches_among_many_massive_bodies_are_as_recorded_and_the_page_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """To march all of them again would take as long as the run."""
+    monkeypatch.setattr("orbits.viewing.approaches.MOST_MASSIVE", 2)
+    q, v = [[0, 0, 0], [1, 0, 0], [1.02, 0, 0]], [[0, 0, 0], [0, 1, 0], [0, 1.02, 0.1]]
+    system = orbits.System(["star", "b", "c"], gm=[1, 1e-6, 1e-6], q=q, v=v, units=orbits.DIMENSIONLESS)
+    run = orbits.propagate(system, dt=0.01, duration=12.0, samples=7, progress=False, check_step=False)
+    found = data_of(orbits.view(run, show=False).html())["header"]["approaches"]
+    assert found["said"] == "of 3 massive bodies: as recorded on the way, to about 1e-3 of the distance"
+    assert not run.passages.refined
+    exact = [one.distance.value for one in run.closest_approaches()]
+    assert exact
+    np.testing.assert_allclose([row[3] for row in found["list"]], exact[: len(found["list"])], rtol=1e-3)
+
+
 def test_a_rigid_body_can_be_looked_at_and_its_rotation_is_in_the_energy() -> None:
     pair = orbits.System(
         ["a", "b"], gm=[1.0, 0.3], q=[[0, 0, 0], [1.2, 0, 0]], v=[[0, 0, 0], [0, 1.0, 0.1]], units=orbits.DIMENSIONLESS

@@ -159,13 +159,13 @@ export class Panel {
     const { run } = this, { units } = run.header, head = element("h3", { text: "closest approaches" });
     if (!run.approaches) return [head, element("p", { class: "note",  text: run.complete || run.ended ? "being computed …" : "known when the run is complete" })];
     const mine = run.approaches.list.filter((row) => row[0] === picked || row[1] === picked).slice(0, 5);
-    const none = run.approaches.why || "none within the reach of a body";
+    const none = run.approaches.why || "none within the reach of a body", { said } = run.approaches;
     if (!mine.length) return [head, element("p", { class: "note", text: none })];
     return [head, element("ul", { class: "approaches" }, ...mine.map(([a, b, time, distance, speed]) => element("li", {},
       element("button", { type: "button", onclick: () => this.to.seek(time), title: `${when(run.header, time, true)}, at ${withUnit(figure(speed * units.speed.factor, 4), units.speed.name)}` },
         element("span", { text: run.names[a === picked ? b : a] }),
         element("span", { text: withUnit(figure(distance, 5), units.length) }),
-        element("time", { text: when(run.header, time) })))))];
+        element("time", { text: when(run.header, time) }))))), ...said ? [element("p", { class: "note", text: said })] : []];
   }
 }
 
