@@ -10,7 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.checks import finite_numbers, whole_number
-from orbits.ensemble.members import Ensemble, Systems, among, numbered
+from orbits.ensemble.members import MOST, Ensemble, Systems, among, numbered
 from orbits.errors import InputError, shown
 from orbits.system import System
 from orbits.system.new_bodies import primary_name
@@ -51,7 +51,7 @@ def clones(
     """
     if not isinstance(system, System):
         raise InputError(f"system is {shown(system)}; expected an orbits.System with the body to be cloned.")
-    place, count = system.index(body), whole_number(count, "count")
+    place, count = system.index(body), whole_number(count, "count", most=MOST)
     seed = whole_number(seed, "seed", least=0)
     deviations = np.vstack([np.zeros(6), drawn(covariance, count, seed)])
     name = system.names[place]
@@ -63,6 +63,7 @@ def clones(
     else:
         others = system.remove(name)
         around = primary_name(others.names, others.values.gm, primary)
+        frame = system.frame if frame is None else frame
         own = _elements(system, name, elements, around, frame, deviations)
         placed = others.add(names, primary=around, frame=frame, gm=gm, **own) if gm else None
         placed = placed or others.add(names, primary=around, frame=frame, **own)

@@ -6,7 +6,7 @@ import hashlib
 import itertools
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -18,6 +18,7 @@ from orbits.body_names import checked_names
 from orbits.catalogue import Catalogue
 from orbits.errors import InputError, OrbitsError, shown
 from orbits.system import System
+from orbits.system.presenting import in_words
 
 Floats = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ class Part(Protocol):
     def system(self) -> System:
         """Return the system of which the members are massless bodies, the last ones."""
 
-    def systems(self) -> list[System | OrbitsError]:
+    def systems(self) -> Iterable[System | OrbitsError]:
         """Return the system of each member, or the error of one that cannot be made."""
 
 
@@ -240,15 +241,13 @@ class MadePart:
         """Return the first one. Raises InputError if the function fails."""
         return self._made(self.points[0])
 
-    def systems(self) -> list[System | OrbitsError]:
-        """Return the system of each member, or the error of one that cannot be made."""
-        made: list[System | OrbitsError] = []
+    def systems(self) -> Iterator[System | OrbitsError]:
+        """Yield the system of each member, or the error of one that cannot be made."""
         for point in self.points:
             try:
-                made.append(self._made(point))
+                yield self._made(point)
             except OrbitsError as error:
-                made.append(error)
-        return made
+                yield error
 
     def _made(self, point: dict[str, Any]) -> System:
         try:
@@ -389,7 +388,7 @@ def described(system: System) -> str:
     radii = None if system.radii is None else system.radii.value
     epoch = "" if system.epoch is None else repr((system.epoch.jd1, system.epoch.jd2))
     acting = repr((system.terms, system.forces, system.units, softening))
-    return f"{system!r}, {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
+    return f"System({in_words(system)}), {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
 
 
 def _at(values: Any, places: NDArray[np.intp]) -> Any:

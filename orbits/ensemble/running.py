@@ -7,7 +7,7 @@ import sys
 import uuid
 import warnings
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from orbits.errors import (
     shown,
 )
 from orbits.marching.marcher import available_threads
+from orbits.propagation.alike import alike
 from orbits.propagation.marchers import BITS_DEPEND_ON, differences, provenance
 from orbits.propagation.signals import StopRequest
 
@@ -47,7 +48,7 @@ MUCH = 2e9
 """The bytes of results from which on it is said that they are checked."""
 
 SHOWN = 5
-"""The most different texts of warnings, or reasons of failures, that are shown."""
+"""The most different wordings of warnings, or reasons of failures, that are shown."""
 
 Say = Callable[[str], None]
 
@@ -300,19 +301,27 @@ def _ended(store: Store) -> Campaign:
         more = [f"and {len(failed) - SHOWN:,} more"] * (len(failed) > SHOWN)
         text = f"{len(failed):,} of {store.blocks:,} blocks could not be integrated; see campaign.failed:\n"
         warnings.warn(text + "\n".join(lines + more), OrbitsWarning, stacklevel=level_of_caller())
-    kinds: dict[str, dict[str, int]] = {}
+    kinds: dict[str, dict[str, set[int]]] = {}
     for entry in entries:
         for category, message in entry.warnings:
-            texts = kinds.setdefault(category, {})
-            texts[message] = texts.get(message, 0) + 1
+            kinds.setdefault(category, {}).setdefault(message, set()).add(entry.block)
+    names = [*store.about["bodies"], *campaign.summary["name"]] if kinds else []
     for category, texts in kinds.items():
-        counts = sorted(texts.items(), key=lambda item: -item[1])
-        lines = [f"{count:,} of {store.blocks:,} blocks: {text}" for text, count in counts[:SHOWN]]
-        if len(counts) > SHOWN:
-            lines.append(f"and {len(counts) - SHOWN:,} other texts; see campaign.blocks[k].warnings")
+        groups = sorted(alike(texts, names), key=lambda group: -len(set().union(*group.values())))
+        lines = [_told(group, store.blocks) for group in groups[:SHOWN]]
+        if len(groups) > SHOWN:
+            lines.append(f"and {len(groups) - SHOWN:,} others; see campaign.blocks[k].warnings")
         kind = StepWarning if category == StepWarning.__name__ else OrbitsWarning
         warnings.warn("\n".join(lines), kind, stacklevel=level_of_caller())
     return campaign
+
+
+def _told(group: Mapping[str, set[int]], count: int) -> str:
+    """Return warnings of one wording: how many blocks have one, and the most frequent text."""
+    text = max(group, key=lambda text: len(group[text]))
+    blocks = f"{len(set().union(*group.values())):,} of {count:,} blocks"
+    more = f" ({len(group):,} texts that differ in figures, in campaign.blocks[k].warnings; this is one)"
+    return f"{blocks}{more * (len(group) > 1)}: {text}"
 
 
 def open_again(folder: Path) -> Campaign:

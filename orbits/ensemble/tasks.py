@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from inspect import GEN_CREATED, getgeneratorstate
 from pathlib import Path
 from typing import Any
 
@@ -194,6 +195,7 @@ def _worked(
     task: Task, folder: Path, asked: Callable[[], str], told: Callable[[float], None], caught: list[tuple[str, str]]
 ) -> Outcome:
     """Integrate a block. Raises what ends all of it."""
+    _go_on(asked)
     made: dict[int, System] = {}
     reasons: dict[int, str] = {}
     with _collected(caught):
@@ -201,6 +203,7 @@ def _worked(
             made[0] = task.part.system()
         else:
             for k, one in enumerate(task.part.systems()):
+                _go_on(asked)
                 if isinstance(one, System):
                     made[k] = one
                 else:
@@ -218,7 +221,7 @@ def _worked(
         else:
             columns = of_systems([runs.get(k) for k in range(task.part.count)], reasons)
         if task.megno is not None:
-            columns |= _megno(task, made, reasons)
+            columns |= _megno(task, made, reasons, asked)
         bits = _bits(list(runs.values()), columns)
     finally:
         for run in runs.values():
@@ -240,8 +243,9 @@ def _marched(
     runs: dict[int, Trajectory] = {}
     ready: dict[int, Run] = {}
     failures: dict[int, BaseException] = {}
-    with _collected(caught):
+    with _collected(caught), _given_up(runs, ready):
         for k, system in made.items():
+            _go_on(asked)
             path = folder / f"{task.stem}.h5" if task.part.massless else folder / task.stem / f"{k:05d}.h5"
             try:
                 run = _continued(path) if task.trajectories and path.exists() else None
@@ -270,6 +274,10 @@ def _marched(
         failures |= march_in_threads(ready, steps, stop, look, 1)
     stopped: Interrupted | None = None
     for k in [k for k in steps if k not in failures]:
+        if stop.name and getgeneratorstate(steps[k]) == GEN_CREATED:
+            ready[k].release()
+            stopped = Interrupted(f"stopped by {stop.name} before its start")
+            continue
         try:
             with _collected(caught):
                 runs[k] = to_its_end(steps[k])
@@ -284,6 +292,25 @@ def _marched(
             run.close()
         raise stopped
     return runs, failures
+
+
+def _go_on(asked: Callable[[], str]) -> None:
+    """Raise Interrupted if a stop is requested: between the members of a block, each of which takes some 0.1 s."""
+    if why := asked():
+        raise Interrupted(f"stopped by {why}")
+
+
+@contextmanager
+def _given_up(runs: Mapping[int, Trajectory], ready: Mapping[int, Run]) -> Iterator[None]:
+    """A context in which runs are made ready; if a stop is requested, their archives are left as they are."""
+    try:
+        yield
+    except Interrupted:
+        for one in ready.values():
+            one.release()
+        for run in runs.values():
+            run.close()
+        raise
 
 
 def _continued(path: Path) -> Run | Trajectory | None:
@@ -309,7 +336,7 @@ def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:
     return TimeGrid.of(system, options.get("dt"), **known)
 
 
-def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str] = {}) -> Columns:
+def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str], asked: Callable[[], str]) -> Columns:
     """Return MEGNO of the members at the end, and when each first had a passage that the method cannot follow."""
     assert task.megno is not None
     known = {name: task.options[name] for name in ("dt", "duration", "until") if name in task.options}
@@ -317,6 +344,7 @@ def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str] = 
     for k, system in made.items():
         if k in reasons:
             continue
+        _go_on(asked)
         samples = [_grid(system, task.options).end]
         try:
             found = megno(

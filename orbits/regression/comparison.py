@@ -29,6 +29,7 @@ from orbits.regression.peer_choice import Peer, listed
 from orbits.regression.problem import Problem, Sampled, time_axis
 from orbits.regression.reference_choice import kind_of_reference, reference_positions
 from orbits.regression.report import ReferenceNote, Report, Row
+from orbits.regression.stages import Arrays, Stages, as_array, as_text
 from orbits.system import System
 from orbits.time_grid import TimeGrid, dynamical_time, dynamical_time_of
 
@@ -124,8 +125,12 @@ def compared(
     runs: Sequence[Trajectory] = (),
     threads: int | None = None,
     progress: bool | None = None,
+    stages: Stages | None = None,
 ) -> Report:
-    """Compare on a given grid of steps and samples; otherwise like `compare`."""
+    """Compare on a given grid of steps and samples; otherwise like `compare`.
+
+    stages : how progress is told, instead of `progress`, and what is kept of each stage
+    """
     ours = _ours("gauss" if integrators is None else integrators)
     for method in ours:
         grid.clock.check(method)
@@ -143,20 +148,19 @@ def compared(
         unit_of_report=problem.length,
     )
     done = _given(runs, system, ours, grid)
-    say = _teller(progress)
+    stages = stages or Stages(_teller(progress), progress, unit=system.units.time)
     try:
         sampled = [
             _finished(done[method.label], method)
             if method.label in done
-            else _run(system, method, grid, threads, progress, say)
+            else _run(system, method, grid, threads, stages)
             for method in ours
         ]
-        positions, note, remarks = reference_positions(system, problem, grid, kind, threads, say)
-        others = [_peer(problem, peer, grid, say) for peer in theirs]
-    except Interrupted:  # its message has more details than the one below
-        raise
-    except KeyboardInterrupt:
-        raise Interrupted("stopped by Ctrl-C; nothing was compared.") from None
+        positions, note, remarks = reference_positions(system, problem, grid, kind, threads, stages)
+        others = [_peer(problem, peer, grid, stages) for peer in theirs]
+    except KeyboardInterrupt as stopped:
+        what = stopped.what if isinstance(stopped, Interrupted) else "stopped by Ctrl-C"
+        raise Interrupted(f"{what}, in {stages.now}" if stages.now else what, "nothing was compared.") from None
     invariants = Invariants(problem.start)
     rows = [
         _judged(method.measured(problem, invariants, positions), bounds, note, problem)
@@ -176,9 +180,6 @@ def compared(
         settings=_settings(system, problem, grid, ours, tolerances, title),
         notes=(*_steps_note(ours, theirs, grid), *invariants.notes, *remarks, *_threads_note(problem, threads)),
     )
-
-
-_Say = Callable[[str], None]
 
 
 def _checked(system: Any) -> System:
@@ -212,17 +213,15 @@ def _given(runs: Sequence[Trajectory], system: System, ours: list[Integrator], g
     return out
 
 
-def _teller(progress: bool | None) -> _Say:
+def _teller(progress: bool | None) -> Callable[[str], None]:
     if progress or (progress is None and sys.stderr.isatty()):
         return lambda what: print(f"comparing: {what} ...", file=sys.stderr, flush=True)
     return lambda what: None
 
 
-def _run(
-    system: System, method: Integrator, grid: TimeGrid, threads: int | None, progress: bool | None, say: _Say
-) -> Sampled:
+def _run(system: System, method: Integrator, grid: TimeGrid, threads: int | None, stages: Stages) -> Sampled:
     """Compile in a run of a few steps, then run. If a step fails, the result has the reason."""
-    say(method.label)
+    pacing = stages.of_run(method.label)
     started = perf_counter()
     short = _beginning(system, grid)
     with contextlib.suppress(IntegrationError):  # the run below fails in the same way, and reports it
@@ -232,7 +231,7 @@ def _run(
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", StepWarning)
             warnings.simplefilter("always", RetiredWarning)
-            run = propagated(system, method, grid, threads=threads, progress=progress)
+            run = propagated(system, method, grid, threads=threads, **pacing)
     except IntegrationError as error:
         return Sampled(method.label, "ours", compile_s=compile_s, note=str(error))
     note = " ".join(str(warning.message) for warning in caught)
@@ -262,19 +261,28 @@ def _finished(run: Trajectory, method: Integrator, compile_s: float | None = Non
     )
 
 
-def _peer(problem: Problem, peer: Peer, grid: TimeGrid, say: _Say) -> Sampled:
+def _peer(problem: Problem, peer: Peer, grid: TimeGrid, stages: Stages) -> Sampled:
     """Return a peer's samples, or the reason why it has none."""
     reason = peers.unsuited(peer, problem.start.gm, problem.start.softening)
     if grid.clock.changes and peer.fixed_step:
         reason = "it has steps of one length, and this comparison has no dt"
     if reason:
         return Sampled(peer.label, "peer", note=reason + ".")
-    say(peer.label)
+    how = f"{grid.whole_steps:,} steps" if peer.fixed_step else "steps of its own"
+
+    def computed() -> Arrays:
+        first = _first_step(problem.start, grid)
+        with stages.under_way(f"{peer.label}: {len(problem.names):,} bodies, {how}", grid.times) as reached:
+            run = peers.run(peer.name, problem.start, times=grid.times, dt=first, reached=reached)
+        cost = {"steps": np.array(run.steps), "wall_s": np.array(run.wall_s)}
+        return {"q": run.q, "v": run.v, **cost, "warnings": as_array(" ".join(run.warnings))}
+
     try:
-        run = peers.run(peer.name, problem.start, times=grid.times, dt=_first_step(problem.start, grid))
+        run = stages.keep(peer.label, computed)
     except IntegrationError as error:
         return Sampled(peer.label, "peer", note=str(error))
-    return Sampled(peer.label, "peer", run.q, run.v, run.steps, run.wall_s, note=" ".join(run.warnings))
+    cost = int(run["steps"]), float(run["wall_s"])
+    return Sampled(peer.label, "peer", run["q"], run["v"], *cost, note=as_text(run["warnings"]))
 
 
 def _first_step(start: PointMasses, grid: TimeGrid) -> float:

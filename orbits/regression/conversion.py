@@ -197,6 +197,9 @@ def from_rebound(
     `MinorBodies`; a single one is like any other body; without mass they are massless. Collisions are not detected
     here, and functions of the user are not stored in files: an OrbitsWarning says so if a simulation had them.
 
+    The axes are those of the simulation, in which REBOUND has its elements: elements(frame="system"). Among physical
+    units and with a body "Sun" the default is another one, `System.frame`.
+
     Raises InputError for simulations that a System cannot represent: forces, gravity or boundaries other than Newton's
     in open space, variational particles, test particles of type 1 with mass beside massless ones, and everything that
     `System` refuses; ArchiveError for a file that is missing, foreign, damaged or from another version of REBOUND, or

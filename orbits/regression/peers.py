@@ -144,13 +144,13 @@ def run(
     *,
     times: Array,
     dt: float,
-    advance: Callable[[int], None] | None = None,
+    reached: Callable[[float, int], None] = lambda time, steps: None,
 ) -> PeerRun:
     """Integrate with the peer `name`, such as "whfast:kernel=lazy,corrector=17", and sample it at `times`.
 
     times (samples,) : from the epoch, all of one sign, in order of growing |t|
     dt : step of the fixed-step peers and first step that IAS15 tries, > 0
-    advance : called after each sample with its index
+    reached : called after each sample with its time and the steps so far
     Raises InputError (no such peer or option), IntegrationError (REBOUND failed or the problem does not suit the peer),
     Interrupted (Ctrl-C).
     """
@@ -177,8 +177,7 @@ def run(
             q_out[i, order], v_out[i, order] = q_now, v_now
             if not np.all(np.isfinite(q_now)):
                 raise IntegrationError(f"{peer.label}: positions are no longer finite at t = {shown(t)}.", time=t)
-            if advance is not None:
-                advance(i)
+            reached(t, steps)
         messages = tuple(dict.fromkeys(str(w.message) for w in caught))
     return PeerRun(q_out, v_out, steps, wall, messages)
 
@@ -279,7 +278,7 @@ def _handlers(peer: Peer) -> Iterator[list[warnings.WarningMessage]]:
         except failures as error:
             raise IntegrationError(f"{peer.label} stopped: {str(error).strip() or type(error).__name__}") from error
         except KeyboardInterrupt:
-            raise Interrupted(f"stopped by Ctrl-C while {peer.label} was running; nothing was compared.") from None
+            raise Interrupted("stopped by Ctrl-C") from None
         finally:
             # REBOUND installs its own C handler for SIGINT and leaves it in place.
             if threading.current_thread() is threading.main_thread():

@@ -23,6 +23,7 @@ Taylor series.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +32,8 @@ from numpy.typing import NDArray
 from orbits.body_names import few
 from orbits.errors import ConvergenceError, with_unit
 from orbits.point_masses import PointMasses
-from orbits.regression.taylor import ORDER, taylor
+from orbits.regression.stages import QUIET, Arrays, Stages
+from orbits.regression.taylor import ORDER, Doubled, taylor
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -82,7 +84,7 @@ def exact_applies(start: PointMasses) -> bool:
     return bool(np.all(np.any(areal != 0.0, axis=1)))
 
 
-def exact(start: PointMasses, times: Array) -> ReferenceSolution:
+def exact(start: PointMasses, times: Array, stages: Stages = QUIET) -> ReferenceSolution:
     """Return the exact positions at `times`, (samples,) float64, of a system for which `exact_applies`.
 
     It takes a few tenths of a millisecond per moving body and sample.
@@ -90,8 +92,15 @@ def exact(start: PointMasses, times: Array) -> ReferenceSolution:
     import mpmath
 
     gm, q, v, _ = start
-    with mpmath.workprec(PRECISION):
-        out = _two_massive(gm, q, v, times) if np.count_nonzero(gm) == 2 else _one_massive(gm, q, v, times)
+    name = "reference, exact"
+
+    def positions() -> Arrays:
+        stages.begin(f"{name}: {len(gm):,} bodies, {len(times):,} samples")
+        with mpmath.workprec(PRECISION):
+            two = np.count_nonzero(gm) == 2
+            return {"q": _two_massive(gm, q, v, times) if two else _one_massive(gm, q, v, times)}
+
+    out = stages.keep(name, positions)["q"]
     error = np.spacing(np.abs(out)).max(axis=(0, 2)) / 2
     return ReferenceSolution(out, error, "exact", "exact two-body solution, 200-bit arithmetic, rounded to float64")
 
@@ -237,13 +246,26 @@ def _kepler_equation(beta: float, r0: float, eta: float, zeta: float, x: Array) 
         return r0 * x + eta * g2 + zeta * g3, r0 + eta * g1 + zeta * g2
 
 
-def series(start: PointMasses, times: Array) -> ReferenceSolution:
+def series(start: PointMasses, times: Array, stages: Stages = QUIET) -> ReferenceSolution:
     """Return the positions at `times` by Taylor series in doubled precision.
 
     The error of a body is the largest difference, over the samples, from a series of another order, whose steps and
     rounding errors are others; and the rounding of the result to float64. Raises IntegrationError if bodies meet.
     """
-    judge, check = taylor(start, times), taylor(start, times, order=CHECK_ORDER)
+
+    def states(name: str, order: int) -> Arrays:
+        with stages.under_way(f"{name}: Taylor series of order {order}", times) as reached:
+            found = taylor(start, times, order=order, reached=reached)
+        return {"q": found.q, "q_lo": found.q_lo, "v": found.v, "v_lo": found.v_lo, "steps": np.array(found.steps)}
+
+    def series_of(name: str, order: int) -> Doubled:
+        kept = stages.keep(name, partial(states, name, order))
+        return Doubled(kept["q"], kept["q_lo"], kept["v"], kept["v_lo"], int(kept["steps"]))
+
+    judge, check = (
+        series_of(name, order)
+        for name, order in (("reference 1 of 2", ORDER), ("reference 2 of 2", CHECK_ORDER))
+    )
     missed = np.linalg.norm(check.from_positions(judge.q) + judge.q_lo, axis=-1).max(axis=0)
     error = missed + np.spacing(np.abs(judge.q)).max(axis=(0, 2)) / 2
     description = f"Taylor series of order {ORDER} in 106-bit arithmetic, compared with order {CHECK_ORDER}"
@@ -255,7 +277,9 @@ def power_of_two(step: float) -> float:
     return float(2.0 ** np.floor(np.log2(step)))
 
 
-def converged(system: System, grid: TimeGrid, threads: int | None = None) -> ReferenceSolution:
+def converged(
+    system: System, grid: TimeGrid, threads: int | None = None, stages: Stages = QUIET
+) -> ReferenceSolution:
     """Return positions by Gauss collocation with 8 stages, at the step and samples of `grid`.
 
     The error of a body is the largest difference from the same with 7 or 6 stages over the samples. Where only
@@ -266,19 +290,23 @@ def converged(system: System, grid: TimeGrid, threads: int | None = None) -> Ref
     from orbits.integrators.gauss import Gauss
     from orbits.propagation.run import propagated
 
-    judge, *others = (
-        propagated(system, Gauss(stages=stages), grid, threads=threads, progress=False, check_step=False)
-        for stages in (8, 7, 6)
-    )
-    for run in (judge, *others):
+    named = with_unit(f"{grid.dt:.6g}", system.units.time)
+
+    def positions(name: str, method: Gauss) -> Arrays:
+        pacing = stages.of_run(f"{name}: {method.label}, {grid.whole_steps:,} steps of {named}")
+        run = propagated(system, method, grid, threads=threads, check_step=False, **pacing)
         if len(run.retired):
             raise ConvergenceError(
                 f"the reference solution by {run.integrator.label} lost {few(run.retired.names)}, whose stages did not "
                 "converge; nothing can be compared with it. Use a smaller dt, or remove them (system.remove).",
                 bodies=run.retired.names,
             )
-    q, *checks = (np.asarray(run.q.to_value(system.units.length)) for run in (judge, *others))
+        return {"q": np.asarray(run.q.to_value(system.units.length))}
+
+    q, *checks = (
+        stages.keep(name, partial(positions, name, Gauss(stages=count)))["q"]
+        for name, count in (("reference 1 of 3", 8), ("reference 2 of 3", 7), ("reference 3 of 3", 6))
+    )
     error = np.max([np.linalg.norm(q - check, axis=-1).max(axis=0) for check in checks], axis=0)
-    named = with_unit(f"{grid.dt:.6g}", system.units.time)
     description = f"Gauss(stages=8) at dt = {named}, compared with 7 and 6 stages"
     return ReferenceSolution(q, error, "converged", description)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from orbits.point_masses import PointMasses
 from orbits.regression import reference as solutions
 from orbits.regression.problem import Problem
 from orbits.regression.report import ReferenceNote
+from orbits.regression.stages import Stages
 from orbits.system import System
 from orbits.time_grid import TimeGrid, dynamical_time_of
 
@@ -74,7 +74,7 @@ def _seconds_of_series(start: PointMasses, grid: TimeGrid) -> float:
 
 
 def reference_positions(
-    system: System, problem: Problem, grid: TimeGrid, kind: str | float, threads: int | None, say: Callable[[str], None]
+    system: System, problem: Problem, grid: TimeGrid, kind: str | float, threads: int | None, stages: Stages
 ) -> tuple[Array | None, ReferenceNote | None, tuple[str, ...]]:
     """Return reference positions (samples, bodies, 3), the note about them, and remarks if there are none."""
     if kind == "none":
@@ -83,17 +83,14 @@ def reference_positions(
         minutes = f"{_seconds_of_series(problem.start, grid) / 60:.2g} minutes"
         told = f"No reference solution: it would take about {minutes}; reference='taylor' computes it nevertheless."
         return None, None, (told,)
-    if kind == "exact":
-        say("the exact solution")
-        made = solutions.exact(problem.start, grid.times)
-    else:
-        say("the reference solution")
-        try:
-            if kind == "taylor":
-                made = solutions.series(problem.start, grid.times)
-            else:
-                made = solutions.converged(system, grid.with_step(system, float(kind)), threads)
-        except IntegrationError as error:
-            return None, None, (f"The reference solution failed, so positions are not measured: {error}",)
+    try:
+        if kind == "exact":
+            made = solutions.exact(problem.start, grid.times, stages)
+        elif kind == "taylor":
+            made = solutions.series(problem.start, grid.times, stages)
+        else:
+            made = solutions.converged(system, grid.with_step(system, float(kind)), threads, stages)
+    except IntegrationError as error:
+        return None, None, (f"The reference solution failed, so positions are not measured: {error}",)
     errors = dict(zip(problem.names, (made.error * problem.length).tolist(), strict=True))
     return made.q, ReferenceNote(made.kind, made.description, errors), (_BLIND,) if made.kind == "converged" else ()

@@ -7,7 +7,6 @@ itself.
 from __future__ import annotations
 
 from pathlib import Path
-from textwrap import shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +25,6 @@ Array = NDArray[np.float64]
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 _ROUND_OFF = 2.0**-53
 _FLOOR: dict[str, Any] = {"color": style.GREY, "linewidth": 1.4, "zorder": 1}
-_LONGEST_TITLE = 90
 
 
 def draw(report: Report, path: Path) -> None:
@@ -60,7 +58,7 @@ def picture(report: Report) -> Figure:
     when = f"time {'before' if span < 0 else 'since'} the start"
     for axis in (axes["position"], axes["momentum"]):
         axis.set_xlabel(when + (f" [{time_unit}]" if time_unit else ""))
-    title = shorten(str(report.settings.get("title") or "Comparison"), _LONGEST_TITLE, placeholder=" …")
+    title = str(report.settings.get("title") or "Comparison")
     made.suptitle(title, fontsize=21, fontweight="bold", parse_math=False)
     told = "strong lines: the largest error so far; faint: the error itself"
     if any(row.kind == "peer" for row in rows):

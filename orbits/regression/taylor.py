@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from itertools import combinations
 from typing import NamedTuple
 
@@ -44,12 +45,19 @@ class Doubled(NamedTuple):
         return (q - self.q) - self.q_lo
 
 
-def taylor(start: PointMasses, times: Array, *, order: int = ORDER) -> Doubled:
+def taylor(
+    start: PointMasses,
+    times: Array,
+    *,
+    order: int = ORDER,
+    reached: Callable[[float, int], None] = lambda time, steps: None,
+) -> Doubled:
     """Return the states at `times`, to about 31 digits times what the motion makes of an error.
 
     start : gm (bodies,), q and v (bodies, 3), softening: exactly these floats
     times : (samples,) from the epoch, all of one sign, in order of growing |t|
     order : of the series; another one has other errors
+    reached : called now and then with the time and the steps so far
 
     The time it takes grows with the number of pairs of which one body is massive, and with order^2. Raises
     SingularityError if bodies meet.
@@ -75,6 +83,7 @@ def taylor(start: PointMasses, times: Array, *, order: int = ORDER) -> Doubled:
     status = UNDER_WAY
     while status == UNDER_WAY:
         status = march_series(gm, pairs, shift, clock, state, times, out, series, BLOCK)
+        reached(float(clock[TIME]), int(clock[STEPS]))
     if status != REACHED:
         what = "bodies meet there" if status == MET else "the state is not finite there"
         raise SingularityError(f"the reference solution ends at t = {shown(float(clock[TIME]))}: {what}.")

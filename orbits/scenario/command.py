@@ -18,7 +18,7 @@ from orbits.option_values import option_text
 from orbits.scenario.definition import MIND, Outcome, Scenario
 from orbits.scenario.options import read_options
 from orbits.scenario.study import Study, StudyOutcome, Table, cell
-from orbits.scenario.typed import number_or_text, quantity, step_or_clock
+from orbits.scenario.typed import number_or_text, quantity, step_or_clock, this_command
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -134,6 +134,10 @@ def guarded() -> Iterator[None]:
         raise SystemExit(1) from None
 
 
+SOON = 5.0
+"""Seconds until the first line about a run where there is no terminal: what is left is then measured."""
+
+
 @dataclass(frozen=True)
 class Pacing:
     """What the options say of the wall time: the lines about a run, and the limit of the command."""
@@ -149,7 +153,7 @@ def paced(wall_time: str | None, heartbeat: str | None) -> Pacing:
 
     deadline = None if wall_time is None else Deadline(number_or_text(wall_time), "--wall-time")
     if heartbeat is None:
-        return Pacing(None if sys.stderr.isatty() else Heartbeat(), deadline)
+        return Pacing(None if sys.stderr.isatty() else Heartbeat(first=SOON), deadline)
     if heartbeat.strip().lower() == "never":
         return Pacing(None, deadline)
     return Pacing(Heartbeat(seconds_of(number_or_text(heartbeat), "--heartbeat")), deadline)
@@ -227,14 +231,17 @@ def execute(
         outcome = perform(scenario, out=out, plot=not no_plot, say=_saying(console))
     else:
         pacing = paced(wall_time, heartbeat)
-        outcome = perform(
-            scenario,
-            out=out,
-            plot=not no_plot,
-            say=_saying(console),
-            heartbeat=pacing.heartbeat,
-            wall_time=pacing.deadline,
-        )
+        try:
+            outcome = perform(
+                scenario,
+                out=out,
+                plot=not no_plot,
+                say=_saying(console),
+                heartbeat=pacing.heartbeat,
+                wall_time=pacing.deadline,
+            )
+        except Interrupted as stopped:
+            raise Interrupted(stopped.what, f"to go on: {this_command()}") from None
     if as_json:
         print(to_json(outcome))
     else:

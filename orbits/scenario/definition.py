@@ -88,7 +88,8 @@ class Scenario:
     system : a `System`, or a function that makes one, without arguments; in a scenario with options it has one, their
         values by name. For several related problems, a mapping from short names to Systems (or a function that makes
         such a mapping): each is a *case*, run and judged in the same way
-    integrators : methods of this package, by default Gauss with 8 stages; the run of the first one is archived
+    integrators : methods as in `orbits.propagate`, values or texts such as "gauss", by default Gauss with 8 stages; the
+        run of the first one is archived
     dt, duration : as in `orbits.propagate`; the sign of `duration` gives the direction. Without dt, or with
         `orbits.Adaptive(...)`, steps are chosen one by one. In a scenario with options dt may also be a function of
         their values
@@ -143,6 +144,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         from orbits.checks import whole_number  # imports NumPy, which the start of the command line avoids
+        from orbits.integrators import named
 
         check_label(self.name, self.title)
         peers = self.against if isinstance(self.against, Iterable) and not isinstance(self.against, str) else (None,)
@@ -152,15 +154,13 @@ class Scenario:
                 f"got {shown(self.against)}."
             )
         listed = isinstance(self.integrators, Sequence) and not isinstance(self.integrators, str)
-        integrators = tuple(self.integrators) if listed else (self.integrators,)
-        if not integrators:
+        given: Sequence[Any] = self.integrators if listed else [self.integrators]
+        if not given:
             raise InputError(f"scenario {self.name!r}: integrators is empty; name one, such as orbits.Gauss(stages=8).")
-        for method in integrators:
-            if isinstance(method, str | type) or not hasattr(method, "declares"):
-                raise InputError(
-                    f"scenario {self.name!r}: integrators holds {shown(method)}, which is not a method; "
-                    "expected values such as orbits.Gauss(stages=8)."
-                )
+        try:
+            integrators = tuple(named(method) for method in given)
+        except InputError as error:
+            raise type(error)(f"scenario {self.name!r}: {error}") from None
         whole_number(self.samples, f"scenario {self.name!r}: samples (both ends included)", least=2)
         if not isinstance(self.tolerances, Mapping) or not all(isinstance(key, str) for key in self.tolerances):
             raise InputError(

@@ -32,15 +32,19 @@ class Parts:
 
     folder : that of the results; made_by : what the parts depend on, beside the package and the processor
     say : receives a line for each part that is taken over from an interrupted run, or is damaged
+    prefix : of the names of the files; kept : the names of the parts that are there
 
     Several processes may run the same study in one folder: each writes files of its own, and renames them when they are
     whole.
     """
 
-    def __init__(self, folder: Path, made_by: Mapping[str, str], say: Callable[[str], None]) -> None:
-        self._folder, self._say = folder, say
+    def __init__(
+        self, folder: Path, made_by: Mapping[str, str], say: Callable[[str], None], prefix: str = ""
+    ) -> None:
+        self._folder, self._say, self._prefix = folder, say, prefix
         self._made_by = dict(made_by)
         self._mine: dict[Path, tuple[int, ...] | None] = {}
+        self.kept: list[str] = []
 
     def get(self, name: str, compute: Callable[[], Mapping[str, Any]]) -> Arrays:
         """Return the arrays that `compute` returns, by name; or those that it returned in a run of the same study that
@@ -52,16 +56,18 @@ class Parts:
         Raises InputError for a name that is taken or cannot be that of a file, if `compute` returns anything else, and
         if the part's file is there but not written by this package; StorageError if the part cannot be written.
         """
-        path = self._folder / f"part-{_stem(name)}.h5"
+        path = self._folder / f"part-{self._prefix}{_stem(name)}.h5"
         if path in self._mine:
             raise InputError(f"parts.get({name!r}): a part of that name already is there; give each another one.")
         self._mine[path] = None
         kept = self._kept(path, name)
         if kept is not None:
             self._say(f"{name}: taken over from the run that was interrupted")
+            self.kept.append(name)
             return kept
         arrays = _arrays(name, compute())
         self._keep(path, arrays)
+        self.kept.append(name)
         return arrays
 
     def remove(self) -> None:

@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, overload
 
-from orbits.errors import (
-    InputError,
-    IntegrationError,
-    Interrupted,
-    OrbitsError,
-    OutOfTime,
-    RetiredWarning,
-    StepWarning,
-    shown,
-)
-from orbits.scenario.definition import MIND, CaseOutcome, Check, Outcome, Scenario, slug
+from orbits.errors import InputError, OrbitsError, shown
+from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 from orbits.scenario.parts import Parts, identity
+from orbits.scenario.runs import Pace, Runs, Telling
 from orbits.scenario.study import Study, StudyOutcome, StudyResult
-from orbits.scenario.unfinished import COMPLETE, UNFINISHED, alone_in, looked_at
+from orbits.scenario.unfinished import alone_in
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,11 +31,6 @@ if TYPE_CHECKING:
 
 
 Say = Callable[[str], None]
-
-Pace: TypeAlias = "tuple[bool | None, Heartbeat | None, Deadline | None]"
-"""How a run tells its progress, and when it ends: `progress`, `heartbeat` and `wall_time` of `perform`."""
-
-_TOLD = {UNFINISHED: "going on with the unfinished run in", COMPLETE: "complete in"}
 
 
 @overload
@@ -92,50 +80,72 @@ def perform(
     if isinstance(scenario, Study):
         return _perform_study(scenario, folder, plot, say)
     with alone_in(folder):
-        return _perform(scenario, folder, plot, (progress, heartbeat, wall_time), say)
+        return _perform(scenario, folder, plot, Pace(progress, heartbeat, wall_time), Telling(say))
 
 
-def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Say) -> Outcome:
+def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Telling) -> Outcome:
     from orbits.time_grid import TimeGrid
 
     with located():
         systems, step = scenario.cases(), scenario.step()
-    cases: dict[str, CaseOutcome] = {}
-    files: list[Path] = []
-    complaints: list[str] = []
     grids = {
         name: TimeGrid.of(system, step, duration=scenario.duration, samples=scenario.samples)
         for name, system in systems.items()
     }
-    archives = {name: folder / f"run{'-' + slug(name) if name else ''}.h5" for name in systems}
-    replaceable(folder / "report.json")  # before the long runs, not after them
+    report = replaceable(folder / "report.json")  # before the long runs, not after them
     for grid in grids.values():
         for method in scenario.integrators:
             grid.clock.check(method)
-    kept = {name: looked_at(scenario, system, grids[name], archives[name]) for name, system in systems.items()}
-    for name, system in systems.items():
-        known = kept[name] if UNFINISHED in kept.values() else ""
-        runs = _runs(scenario, name, system, grids[name], (archives[name], known), pace, say, complaints)
-        files.append(archives[name])
-        report = _report(scenario, name, system, grids[name], runs, pace[0], say)
-        cases[name] = CaseOutcome(name, system, runs, report)
+    runs = Runs(scenario, systems, grids, folder)
+    if report.exists() and not runs.stopped:  # what is there is finished
+        runs.begin_anew()
+    report.unlink(missing_ok=True)
+    parts = {name: _parts(scenario, name, systems[name], grids[name], folder, say) for name in systems}
+    try:
+        outcome = _performed(scenario, folder, plot, pace, say, (runs, parts))
+    except KeyboardInterrupt as stopped:
+        there = [f"{name}, {part}" if name else part for name, each in parts.items() for part in each.kept]
+        raise runs.interrupted(stopped, say.now, there) from None
+    for each in parts.values():
+        each.remove()
+    return outcome
+
+
+def _performed(
+    scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Telling, kept: tuple[Runs, Mapping[str, Parts]]
+) -> Outcome:
+    cases: dict[str, CaseOutcome] = {}
+    runs, parts = kept
+    for name, system in runs.systems.items():
+        found = runs.of_case(name, pace, say)
+        cases[name] = CaseOutcome(name, system, found, _report(scenario, name, runs, found, parts[name], pace, say))
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
         checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
     _require_checks(scenario.name, checks)
-    outcome = Outcome(scenario=scenario, folder=folder, cases=cases, checks=checks)
+    outcome = replace(outcome, checks=checks)
+    files, complaints = [*runs.archives.values()], [*runs.failures]
     if plot:
         say("drawing")
         try:
             files += _draw(outcome)
         except OrbitsError as error:
             complaints.append(str(error))
+    say.mind_controls()
     files.append(folder / "report.json")
-    outcome = Outcome(
-        scenario=scenario, folder=folder, cases=cases, checks=checks, files=tuple(files), complaints=tuple(complaints)
-    )
+    outcome = replace(outcome, files=tuple(files), complaints=tuple(complaints))
     write_text(folder / "report.json", to_json(outcome) + "\n")
     return outcome
+
+
+def _parts(scenario: Scenario, name: str, system: System, grid: TimeGrid, folder: Path, say: Say) -> Parts:
+    """Return the finished stages of a comparison, which depend on the problem alone."""
+    x = system.values
+    problem = hashlib.sha256(repr((system.names, system.terms, x.softening, grid.clock)).encode())
+    for each in (x.gm, x.q, x.v, grid.times):
+        problem.update(each.tobytes())
+    made_by = {"scenario": scenario.name, "case": name, "problem": problem.hexdigest(), "rebound": version("rebound")}
+    return Parts(folder, made_by, say, prefix=f"{slug(name)}-" * bool(name))
 
 
 def to_json(outcome: Outcome | StudyOutcome) -> str:
@@ -225,106 +235,32 @@ def _require_checks(name: str, checks: Sequence[Any]) -> None:
             raise InputError(f"scenario {name!r}: checks must yield orbits.Check values, got {shown(check)}.")
 
 
-def _runs(
-    scenario: Scenario,
-    name: str,
-    system: System,
-    grid: TimeGrid,
-    kept: tuple[Path, str],
-    pace: Pace,
-    say: Say,
-    failures: list[str],
-) -> Mapping[str, Trajectory]:
-    """Run every method. One whose step fails is listed in `failures` and keeps the samples before.
-
-    kept : the archive of the first method, and what it has of this run: see `looked_at`
-    """
-    from orbits.propagation.run import propagated, resume
-
-    runs: dict[str, Trajectory] = {}
-    archive, has = kept
-    progress, heartbeat, wall_time = pace
-    pacing: dict[str, Any] = {"progress": progress, "heartbeat": heartbeat, "wall_time": wall_time}
-    for method in scenario.integrators:
-        task = f"{name + ', ' if name else ''}{method.label}: {len(system)} bodies"
-        first = not runs
-        say(f"{task}, {_TOLD[has]} {archive}" if first and has else task)
-        try:
-            with _minding(say):
-                if first and has:
-                    runs[method.label] = resume(archive, **pacing)
-                else:
-                    if first:  # what another process has begun since
-                        looked_at(scenario, system, grid, archive)
-                    runs[method.label] = propagated(
-                        system,
-                        method,
-                        grid,
-                        archive=archive if first else None,
-                        overwrite=True,
-                        origin=scenario.origin() if first else None,
-                        **pacing,
-                    )
-        except IntegrationError as error:
-            if error.trajectory is None or not len(error.trajectory):
-                raise
-            failures.append(f"{task}: {error}")
-            runs[method.label] = error.trajectory
-        except Interrupted as stopped:
-            if first:
-                raise
-            done = f"{len(stopped.trajectory)} of {len(grid)} samples done"
-            told = f"stopped in {task}, {done}; only the first method keeps its run, {archive}"
-            raise Interrupted(told, trajectory=stopped.trajectory) from None
-        if wall_time is not None and wall_time.ended(runs[method.label]):
-            raise _out_of_time(runs[method.label], task, first)
-    return runs
-
-
-def _out_of_time(run: Trajectory, task: str, first: bool) -> OutOfTime:
-    """Return the error for a run that the wall time ended; the first one of a system is in an archive."""
-    assert run.stopped is not None
-    how = "the same command goes on with it" if first else "only the first method keeps its run: allow more time"
-    return OutOfTime(f"{run.stopped.reason}, in {task}; {how}.")
-
-
-@contextmanager
-def _minding(say: Say) -> Iterator[None]:
-    """Pass on the warnings of a run, even if it fails."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", StepWarning)
-        warnings.simplefilter("always", RetiredWarning)
-        try:
-            yield
-        finally:
-            for warning in caught:
-                say(f"{MIND}{warning.message}")
-
-
 def _report(
     scenario: Scenario,
     name: str,
-    system: System,
-    grid: TimeGrid,
-    runs: Mapping[str, Trajectory],
-    progress: bool | None,
+    runs: Runs,
+    found: Mapping[str, Trajectory],
+    parts: Parts,
+    pace: Pace,
     say: Say,
 ) -> Any:
     if not scenario.against and not scenario.demands():
         return None
     from orbits.regression.comparison import compared
+    from orbits.regression.stages import Stages
 
     peers = ", ".join(scenario.against) or "the reference solution alone"
     say(f"{name + ', ' if name else ''}comparing with {peers}")
+    system = runs.systems[name]
     return compared(
         system,
         list(scenario.integrators),
-        grid,
+        runs.grids[name],
         against=scenario.against,
         tolerances=scenario.demands() or None,
         title=f"{scenario.headline()}: {name}" if name else scenario.headline(),
-        runs=[run for run in runs.values() if run.complete],
-        progress=progress,
+        runs=[run for run in found.values() if run.complete],
+        stages=Stages(say, pace.progress, pace.heartbeat, system.units.time, parts.get),
     )
 
 

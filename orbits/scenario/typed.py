@@ -1,8 +1,12 @@
-"""Quantities as typed on a command line."""
+"""Quantities as typed on a command line, and the command itself."""
 
 from __future__ import annotations
 
 import ast
+import shlex
+import sys
+from pathlib import Path
+from shutil import which
 from typing import Any
 
 from orbits.errors import InputError, shown
@@ -68,3 +72,16 @@ def number_or_text(text: str) -> float | str:
         return float(text)
     except ValueError:
         return text
+
+
+def this_command() -> str:
+    """Return the command that this process runs."""
+    program, *words = sys.argv
+    name = Path(program).name
+    if name == "__main__.py":
+        known = "python -m orbits"
+    elif name.endswith(".py"):
+        known = f"python {shlex.quote(program)}"
+    else:
+        known = name if which(name) == program else shlex.quote(program)
+    return " ".join([known, *map(shlex.quote, words)])

@@ -51,8 +51,8 @@ def alone_in(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-def looked_at(scenario: Scenario, system: System, grid: TimeGrid, path: Path) -> str:
-    """Return what `path` has of this same run, to the last bit: `UNFINISHED`, `COMPLETE`, or "" for nothing.
+def looked_at(scenario: Scenario, method: Integrator, system: System, grid: TimeGrid, path: Path) -> str:
+    """Return what `path` has of the same run by `method`, to the last bit: `UNFINISHED`, `COMPLETE`, or "" for nothing.
 
     Raises InputError if it has another run that is not complete, one that another process is writing, or one that
     cannot be read: it would be lost. A run that its method could not continue may be replaced.
@@ -68,7 +68,7 @@ def looked_at(scenario: Scenario, system: System, grid: TimeGrid, path: Path) ->
                 who = f"process {old.writer}" if old.writer > 0 else "another process"
                 raise InputError(f"{path} is being written by {who}; wait for it, or give another folder with --out.")
             complete, failed = old.complete, _failed(old.ended)
-            found, changes = _differences(old, scenario, system, grid), _changes(old)
+            found, changes = _differences(old, scenario, method, system, grid), _changes(old)
     except ArchiveError as error:
         raise InputError(f"{error} It is not replaced: {elsewhere}") from None
     if not (found or changes):
@@ -90,7 +90,7 @@ def _failed(ended: Ended) -> bool:
     return ended.how == FAILED and isinstance(kind, type) and issubclass(kind, IntegrationError)
 
 
-def _differences(old: Archive, scenario: Scenario, system: System, grid: TimeGrid) -> list[str]:
+def _differences(old: Archive, scenario: Scenario, now: Integrator, system: System, grid: TimeGrid) -> list[str]:
     """Return in words what is different in the run of an archive from this one."""
     from orbits import integrators
 
@@ -103,7 +103,6 @@ def _differences(old: Archive, scenario: Scenario, system: System, grid: TimeGri
         found.append(f"it was made by the scenario {its}")
     elif mine is not None:
         found.append("it was made without options")
-    now = scenario.integrators[0]
     try:
         before = integrators.build(dict(old.integrator))
     except OrbitsError:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -215,11 +216,14 @@ def test_certify_takes_each_problem_of_a_study_once_for_a_method_that_was_asked_
     assert len(json.loads(out.stdout)["certificates"]) == 1
 
 
-def test_what_a_run_minds_is_said_in_sentences(tmp_path):
-    out = call("run", "kepler", "--duration", "1", "--samples", "3", "--no-plot", "--out", tmp_path)
-    said = " ".join(out.stderr.split())
-    assert "a full turn would take 400 steps" in said
-    assert "would resolve it, or leave dt out: steps are then chosen one by one. e = 0, comparing with" in said
+def test_what_a_run_minds_is_said_in_sentences_and_of_controls_once(tmp_path):
+    command = ["run", "kepler", "--duration", "1", "--samples", "3", "--no-plot", "--out", tmp_path]
+    said = " ".join(call(*command).stderr.split())
+    assert said.count("for the controls") == 1
+    assert said.endswith("for the controls ExplicitEuler(), RungeKutta4(), as was to be expected.")
+    alone = " ".join(call(*command, "--integrator", "explicit-euler").stderr.split())
+    assert "a full turn would take 400 steps" in alone
+    assert "one by one. ..." not in alone
 
 
 def test_certify_fails_a_control_that_was_asked_for(tmp_path):
@@ -281,9 +285,11 @@ def test_an_interrupted_run_says_how_to_go_on_and_resume_completes_it(tmp_path, 
         os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
-    out = call("run", "solar_system", "--duration", "1 yr", "--samples", "9", "--no-plot", "--out", tmp_path)
+    command = ["run", "solar_system", "--duration", "1 yr", "--samples", "9", "--no-plot", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", ["orbits", *command])
+    out = call(*command)
     assert out.exit_code == 130
-    assert "orbits resume" in out.output
+    assert f"in {tmp_path}, run.h5 is begun; to go on: {shlex.join(sys.argv)}\n" in out.output
     assert "Traceback" not in out.output
     monkeypatch.undo()
     path = tmp_path / "run.h5"

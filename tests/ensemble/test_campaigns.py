@@ -163,6 +163,34 @@ def test_a_block_that_was_interrupted_goes_on_where_it_was(tmp_path, monkeypatch
     np.testing.assert_array_equal(campaign["p31"].q, whole["p31"].q)
 
 
+@pytest.mark.parametrize("moment", ["before", "while they are made ready", "while they are marched"])
+def test_a_block_of_systems_that_is_to_stop_begins_no_more_of_them_and_loses_none(tmp_path, monkeypatch, moment):
+    """Systems that were not begun would each take as long to be made ready, and to be stored, as the stop may take."""
+    plan = ensemble.Plan(
+        ensemble.grid(pair, speed=np.linspace(0.7, 1.1, 24)), duration=40.0, dt=0.01, integrator="stormer-verlet",
+        block=24,
+    )  # fmt: skip
+    task = plan.task(0, plan.ensemble.part(0, 24), stem="block-00000")
+    ready, begun = [], tasks.begun
+    monkeypatch.setattr(tasks, "begun", lambda *given, **known: ready.append(given[0]) or begun(*given, **known))
+    files = tmp_path / "block-00000"
+
+    def asked() -> str:
+        stops = {"before": True, "while they are made ready": len(ready) == 3}
+        return "Ctrl-C" * stops.get(moment, files.is_dir() and any(files.glob("*.h5")))
+
+    stopped = tasks.integrate(task, tmp_path, "here", asked)
+    assert stopped.state == tasks.INTERRUPTED
+    assert len(ready) == {"before": 0, "while they are made ready": 3}.get(moment, 24)
+    there = sorted(files.glob("*.h5"))
+    assert len(there) <= (8 if moment == "while they are marched" else 0)  # those of one group, in lanes
+    monkeypatch.setattr(tasks, "begun", begun)
+    whole = tasks.integrate(task, tmp_path, "here")
+    (tmp_path / "other").mkdir()
+    assert whole.state == tasks.DONE
+    assert whole.bits == tasks.integrate(task, tmp_path / "other", "here").bits
+
+
 def test_a_campaign_is_readable_while_it_runs(tmp_path):
     seen: list[ensemble.Progress] = []
 

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import signal
 import struct
 import subprocess
@@ -204,6 +205,11 @@ def test_a_scenario_needs_no_dt_and_no_method(tmp_path):
     assert verdicts == {"Gauss(stages=8)": "ok", "REBOUND whfast": "n/a", "REBOUND ias15": "peer"}
 
 
+@pytest.mark.parametrize("named", ["gauss(stages=4)", ["gauss(stages=4)"], [orbits.Gauss(stages=4)]])
+def test_a_scenario_takes_the_names_of_methods_as_propagate_does(named):
+    assert pair(integrators=named).integrators == (orbits.Gauss(stages=4),)
+
+
 def test_a_method_that_needs_a_dt_is_refused_before_any_run(tmp_path):
     with pytest.raises(InputError, match=r"StormerVerlet\(\) needs a dt"):
         perform(pair(dt=None, integrators=[orbits.Gauss(stages=8), orbits.StormerVerlet()]), out=tmp_path)
@@ -359,18 +365,78 @@ def test_the_complete_cases_of_a_run_that_was_stopped_are_not_run_again(tmp_path
         assert again.cases[case].run.q.value.tobytes() == whole.cases[case].run.q.value.tobytes()
 
 
-def test_ctrl_c_in_a_later_method_says_that_its_run_is_not_kept(tmp_path, monkeypatch):
-    add, seen = sample_store.SampleStore.add, []
+SEVERAL = {
+    "integrators": [orbits.Gauss(stages=4), orbits.StormerVerlet(), orbits.RungeKutta4()],
+    "against": ("leapfrog", "ias15"),
+}
+"""Two methods and a control, beside two peers and the exact solution."""
+
+STAGES = {
+    "StormerVerlet()": ("run.h5 is complete; run-StormerVerlet.h5 is begun", 0),
+    "reference": ("run.h5, run-StormerVerlet.h5, run-RungeKutta4.h5 are complete", 0),
+    "REBOUND ias15": ("run-RungeKutta4.h5 are complete; of the comparison: reference, exact, REBOUND leapfrog", 2),
+}
+"""Where Ctrl-C comes, what is there then by the message, and how many parts of the comparison."""
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_ctrl_c_anywhere_says_what_is_there_and_the_same_run_goes_on_to_the_same_bits(tmp_path, stage, monkeypatch):
+    told, parts = STAGES[stage]
+    add, now = sample_store.SampleStore.add, []
 
     def add_then_stop(self, q, v):
-        seen.append(add(self, q, v))
-        if len(seen) > 5:  # samples of the first method
-            os.kill(os.getpid(), signal.SIGINT)
+        add(self, q, v)
+        if now[-1].startswith(stage):
+            signal.raise_signal(signal.SIGINT)
+
+    def note_or_stop(text):
+        now.append(text)
+        if text.startswith(stage) and stage != "StormerVerlet()":
+            signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
-    told = r"stopped in StormerVerlet.*: 2 bodies, [0-9] of 5 samples done; only the first method keeps its run"
-    with pytest.raises(Interrupted, match=told):
-        perform(pair(integrators=[orbits.Gauss(stages=4), orbits.StormerVerlet()]), out=tmp_path)
+    message = f"^stopped by Ctrl-C.*, in {re.escape(stage)}.*; in {tmp_path}, .*{told}; run it again to go on"
+    with pytest.raises(Interrupted, match=message):
+        perform(pair(**SEVERAL), out=tmp_path, plot=False, say=note_or_stop)
+    monkeypatch.undo()
+    assert len(list(tmp_path.glob("part-*.h5"))) == parts
+    said = []
+    again = perform(pair(**SEVERAL), out=tmp_path, plot=False, say=said.append)
+    assert again.ok
+    assert any(line.startswith("Gauss(stages=4): 2 bodies, complete in") for line in said)
+    assert sum("taken over" in line for line in said) == parts
+    assert not list(tmp_path.glob("part-*"))
+    whole = perform(pair(**SEVERAL), out=tmp_path / "whole", plot=False)
+    for label, run in whole.runs.items():
+        assert again.runs[label].q.value.tobytes() == run.q.value.tobytes()
+    for one, other in zip(again.report.rows, whole.report.rows, strict=True):
+        assert one.positions == other.positions
+
+
+def test_each_stage_is_told_before_it_begins_and_what_is_left_of_it_is_measured(tmp_path):
+    said = []
+    heartbeat = orbits.Heartbeat(every="1 h", first=1e-9, to=said.append)
+    perform(pair(**SEVERAL, dt=0.0625), out=tmp_path, plot=False, say=said.append, heartbeat=heartbeat)
+    stages = [
+        *(f"{method.label}: 2 bodies, 32 steps of 0.0625" for method in SEVERAL["integrators"]),
+        "comparing with leapfrog, ias15", "reference, exact: 2 bodies, 5 samples",
+        "REBOUND leapfrog: 2 bodies, 32 steps", "REBOUND ias15: 2 bodies, steps of its own",
+    ]  # fmt: skip
+    assert [line for line in said if line in stages] == stages
+    assert " left" in said[said.index(stages[-1]) + 1]
+
+
+def test_warnings_of_controls_are_one_sentence_at_the_end(tmp_path):
+    said = []
+    methods = [orbits.Gauss(stages=4), orbits.RungeKutta4(), orbits.ExplicitEuler()]
+    perform(pair(integrators=methods, dt=1.0, duration=20.0), out=tmp_path, plot=False, say=said.append)
+    (told,) = [line for line in said if line.startswith("mind: ")]
+    assert told == said[-1]
+    assert re.fullmatch(r"mind: [2-4] warnings of steps that are too long for the controls RungeKutta4\(\), "
+                        r"ExplicitEuler\(\), as was to be expected\.", told)  # fmt: skip
+    alone = []
+    perform(pair(integrators=[orbits.RungeKutta4()], dt=1.0), out=tmp_path / "alone", plot=False, say=alone.append)
+    assert any(line.startswith("mind: dt = 1 is too long for RungeKutta4()") for line in alone)
 
 
 @pytest.mark.parametrize("name", ["run.h5", "report.json", "run.png"])
@@ -450,7 +516,7 @@ WRONG = [
     ({"name": "../x"}, "name"),
     ({"title": "two\nlines"}, "title"),
     ({"integrators": []}, "integrators"),
-    ({"integrators": ["gauss"]}, "integrators"),
+    ({"integrators": ["gaus"]}, "did you mean gauss"),
     ({"integrators": [orbits.Gauss]}, "integrators"),
     ({"samples": 1}, "samples"),
     ({"samples": 2.5}, "samples"),
@@ -565,7 +631,7 @@ def test_steps_of_transformed_time_are_typed_as_a_word(text):
         ("adaptive:", "write adaptive, adaptive:1e-8 or"),
         ("adaptive:1e-30", "tolerance is 1e-30; expected 1e-12"),
         ("transformed:6 d", "write transformed, transformed:0.3 or"),
-        ("transformed:3", "step is 3; expected a positive number up to 2"),
+        ("transformed:3", "step is 3.0; expected a positive number up to 2"),
         ("transformed(tolerance=1e-8)", "write transformed, transformed:0.3 or"),
     ],
 )
