@@ -26,7 +26,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from orbits.checks import positive_number
+from orbits.checks import is_one_of, positive_number
 from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics
 from orbits.errors import ConvergenceError, InputError
 from orbits.lagrangians.base import show
@@ -289,7 +289,7 @@ def exact_kepler(
     transfers by 180 degrees, where the plane of the orbit is not determined, and near 0 and 360 degrees, where the
     points coincide. Those angles raise InputError, except 0 on the short way, a rise or fall along a straight line.
     """
-    if way not in ("short", "long"):
+    if not is_one_of(way, ("short", "long")):
         raise InputError(f"way must be 'short' (below 180 degrees) or 'long' (above); got {way!r}")
     strength, m = positive_number(gm, "gm"), positive_number(mass, "mass")
     return ExactKepler("exact-kepler" if way == "short" else "exact-kepler-long", lagrangian, strength, m, way)

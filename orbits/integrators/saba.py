@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.checks import is_whole
+from orbits.checks import is_one_of, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.dominant import registers_for
@@ -254,9 +254,9 @@ class SABA(Integrator):
         orders = _orders(self.first, self.second, self.third)
         for name, value in zip(("first", "second", "third"), (*orders, None), strict=False):
             object.__setattr__(self, name, value)
-        if self.encounters not in ("warn", "retire"):
+        if not is_one_of(self.encounters, ("warn", "retire")):
             raise InputError(f"encounters is {shown(self.encounters)}; expected 'warn' or 'retire'")
-        if self.planets not in ("warn", "follow"):
+        if not is_one_of(self.planets, ("warn", "follow")):
             raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'follow'")
 
     @property

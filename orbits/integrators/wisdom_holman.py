@@ -26,7 +26,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
-from orbits.checks import checked_flag, finite_number, has_unit, is_whole
+from orbits.checks import checked_flag, finite_number, has_unit, is_one_of, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
@@ -150,13 +150,13 @@ class WisdomHolman(Integrator):
     )
 
     def __post_init__(self) -> None:
-        if self.coordinates not in COORDINATES:
+        if not is_one_of(self.coordinates, COORDINATES):
             raise InputError(f"coordinates is {shown(self.coordinates)}; expected {_one_of(COORDINATES)}")
         if self.kernel is None:
             object.__setattr__(self, "kernel", "standard" if self._heliocentric else KERNELS[0])
         if self.corrector is None:
             object.__setattr__(self, "corrector", 0 if self._heliocentric else 17)
-        if self.kernel not in KERNELS:
+        if not is_one_of(self.kernel, KERNELS):
             raise InputError(f"kernel is {shown(self.kernel)}; expected {_one_of(KERNELS)}")
         if not is_whole(self.corrector) or self.corrector not in PAIRS:
             known = ", ".join(str(order) for order in sorted(PAIRS, reverse=True)[:-1])
@@ -165,9 +165,9 @@ class WisdomHolman(Integrator):
         object.__setattr__(self, "corrector2", checked_flag(self.corrector2, "corrector2"))
         if self._heliocentric:
             self._require_neither_kernel_nor_corrector()
-        if self.encounters not in ENCOUNTERS:
+        if not is_one_of(self.encounters, ENCOUNTERS):
             raise InputError(f"encounters is {shown(self.encounters)}; expected {_one_of(ENCOUNTERS)}")
-        if self.planets not in PLANETS:
+        if not is_one_of(self.planets, PLANETS):
             raise InputError(f"planets is {shown(self.planets)}; expected {_one_of(PLANETS)}")
         for name in ("ejected_beyond", "lost_within"):
             value = getattr(self, name)

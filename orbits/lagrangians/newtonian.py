@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.fine_gravity import fine_pair_accelerations
+from orbits.kernels.fine_gravity import add_fine_pair_accelerations
 from orbits.kernels.gravity import (
     attraction,
     body_accelerations,
@@ -167,7 +167,7 @@ def _compiled() -> tuple[Compiled, Compiled]:
         "accelerate_some": share_of_accelerations,
         "accelerate_stages": pair_accelerations,
         "accelerate_close": close_pair_accelerations,
-        "accelerate_finely": fine_pair_accelerations,
+        "add_finely": add_fine_pair_accelerations,
         "dynamical_rate": dynamical_rate,
         "gross_attraction": gross_attraction,
         "tides": pair_tides,

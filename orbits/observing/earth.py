@@ -60,12 +60,14 @@ def site_at(site: EarthLocation, dates: Time) -> Site:
     turned = erfa.c2t06a(dates.jd1, dates.jd2, *ut1, *pole)
     back = np.swapaxes(turned, -1, -2)
     x = np.array([c.to_value(u.km) for c in site.geocentric]) / AU_KM
-    spin = ROTATION * np.array([-x[1], x[0], 0.0])
+    # The axis of rotation is the pole of date, which is 15 m from that of the Earth's own axes.
+    axis = np.stack([pole[0], -pole[1], np.ones_like(pole[0])], axis=1)
+    spin = ROTATION * np.cross(axis, x)
     lon, lat = site.lon.rad, site.lat.rad
     north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
     east = [-np.sin(lon), np.cos(lon), 0.0]
     up = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]
-    return Site(back @ x, back @ spin, np.array([north, east, up]) @ turned)
+    return Site(back @ x, np.einsum("mij,mj->mi", back, spin), np.array([north, east, up]) @ turned)
 
 
 def rotation(dates: Time) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

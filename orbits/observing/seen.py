@@ -193,8 +193,11 @@ class Sight:
         out = dict(zip(("ra", "dec"), _angles(direction), strict=True))
         relative = v - self.speed
         along, (east, north) = (relative * direction).sum(axis=1), _tangents(direction)
-        out |= {"ra_rate": (relative * east).sum(axis=1) / distance}
-        out |= {"dec_rate": (relative * north).sum(axis=1) / distance}
+        # While the observer waits for dt, the light that it sees leaves the body over (1 - d tau/dt) dt.
+        lengthening = along / (C + (v * direction).sum(axis=1))  # d tau/dt
+        change = relative - lengthening[:, None] * v  # d way/dt
+        out |= {"ra_rate": (change * east).sum(axis=1) / distance}
+        out |= {"dec_rate": (change * north).sum(axis=1) / distance}
         apparent = self._apparent(direction, q, is_sun=is_sun)
         of_date = apparent if self.equator is None else np.einsum("mij,mj->mi", self.equator, apparent)
         out |= dict(zip(("apparent_ra", "apparent_dec"), _angles(of_date), strict=True))
@@ -202,7 +205,7 @@ class Sight:
             north_, east_, up = np.moveaxis(np.einsum("mij,mj->mi", self.site.horizon, apparent), 1, 0)
             out["azimuth"] = np.arctan2(east_, north_) % (2.0 * np.pi)
             out["elevation"] = np.arctan2(up, np.hypot(north_, east_))
-        out |= {"distance": distance, "range_rate": along, "light_time": delay}
+        out |= {"distance": distance, "distance_rate": C * lengthening, "range_rate": along, "light_time": delay}
         return out if self.placing.sun is None else out | self._by_the_sun(delay, q, v, apparent, is_sun=is_sun)
 
     def _by_the_sun(self, delay: Array, q: Array, v: Array, apparent: Array, *, is_sun: bool) -> dict[str, Array]:

@@ -38,6 +38,7 @@ COLUMNS: dict[str, tuple[u.UnitBase, u.UnitBase]] = {
     "sun_distance": (u.au, u.au),
     "sun_range_rate": (u.au / u.day, SPEED),
     "distance": (u.au, u.au),
+    "distance_rate": (u.au / u.day, SPEED),
     "range_rate": (u.au / u.day, SPEED),
     "light_time": (u.day, u.min),
     "elongation": (u.rad, u.deg),
@@ -67,15 +68,18 @@ class Ephemeris(Tabular):
     values : the columns by name; each is also an attribute, and None if it is not known for any body
 
     ra, dec : astrometric right ascension and declination: with light time, in the ICRF (Horizons' quantity 1)
-    ra_rate, dec_rate : their rates, that of right ascension times cos(dec), by the velocity of the body, when the light
-        left it, less that of the observer
+    ra_rate, dec_rate : their rates, that of right ascension times cos(dec). (Horizons' quantity 3 has axes of date and
+        projects the velocity of the body, when the light left it, less that of the observer: v/c other, up to 2e-4)
     apparent_ra, apparent_dec : with aberration and the deflection of light by the Sun; from the Earth with respect to
         its true equator and equinox of date, otherwise in the ICRF; without refraction (2)
     azimuth, elevation : of apparent places, from north through east, without refraction; from a place on the Earth (4)
     V : visual magnitude, from H and G (9)
-    sun_distance, sun_range_rate : distance from the Sun, with light time, and its rate, when light left the body (19)
-    distance, range_rate : distance from the observer, c times the light time, and the velocity of the body, then, less
-        that of the observer, along the line of sight (20)
+    sun_distance, sun_range_rate : distance from the Sun, with light time, and its rate in the time of the body, when
+        light left it, within 2 mm/s (19)
+    distance, distance_rate : distance from the observer, c times the light time, and its rate: c d(light_time)/dt
+    range_rate : the velocity of the body, when light left it, less that of the observer, along the line of sight, as
+        Horizons' deldot (20). distance_rate is range_rate / (1 + w/c), w the velocity of the body along it: up to 1 m/s
+        other
     light_time : of the light from the body to the observer, without its delay by the field of the Sun (21)
     elongation : the angle between the body and the Sun where they appear (23)
     trails : 1 if the body trails the Sun (evening sky), -1 if it leads it (morning sky); 0 for the Sun

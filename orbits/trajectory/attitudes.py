@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits import rotations
 from orbits.body_names import few, index_of, orbited
+from orbits.checks import is_one_of
 from orbits.errors import InputError, shown
 from orbits.export.labelled import Variable
 from orbits.trajectory.work import accounts_of
@@ -48,7 +49,7 @@ class Attitudes:
         """Return the angular velocity of a rigid body at each sample, (n, 3), in the axes of the system, or with
         axes="body" in those of the body. Raises InputError as `attitude`.
         """
-        if axes not in ("system", "body"):
+        if not is_one_of(axes, ("system", "body")):
             raise InputError(f"axes is {shown(axes)}; expected 'system' or 'body'.")
         moments, states = self._states(body)
         R = _matrices(states[:, :4])

@@ -54,11 +54,11 @@ BLOCK_BYTES = 32 * 1024 * 1024
 """The part of a run that is in memory at a time while a quantity of all samples is computed."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ConservedQuantities:
-    """The drifts of the conserved quantities from their first values, as `diagnostics.Drift`.
+    """The drifts of the conserved quantities from their values at the start of the run, as `diagnostics.Drift`.
 
-    The scale of energy and angular momentum is their first value, or sum m v^2 / 2 and sum m |q| |v| where this
+    The scale of energy and angular momentum is their value at the start, or sum m v^2 / 2 and sum m |q| |v| where this
     cancels to less than a millionth of its terms. The scale of linear momentum is sum m |v|; that of the centre of
     mass, measured relative to its uniform motion, is the largest distance of a body from it.
 
@@ -104,8 +104,7 @@ class ConservedQuantities:
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
 
-    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        printer.text(str(self))
+    __repr__ = __str__
 
     def _repr_html_(self) -> str:
         head = ["", "max change", "in ulps", "at the end"]
@@ -202,7 +201,8 @@ class Conservation:
         return u.Quantity(values, self.system.units.length)
 
     def drift(self) -> ConservedQuantities:
-        """Return the drifts of energy, momenta and centre of mass over the samples, as fractions and in ulps.
+        """Return the drifts of energy, momenta and centre of mass from the start of the run over these samples, as
+        fractions and in ulps.
 
         They belong to the massive bodies, and include the terms of the system. If terms distinguish an axis, the
         angular momentum is the component along it: the rest is exchanged with a spin that is not integrated. A quantity
@@ -211,20 +211,13 @@ class Conservation:
         """
         if not len(self):
             raise InputError(f"{self!r} has no samples yet, so nothing can drift; expected at least one.")
-        start, massive = self.system.values, self.system.massive
+        massive = self.system.massive
         if given_bodies(self.system):
             named = tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass)
             light = int(np.count_nonzero(~massive))
             return ConservedQuantities(NONE, NONE, NONE, NONE, named, light, given=True)
-        q, v = start.q[massive], start.v[massive]
-        energy, angular, linear = self.energy().value, self.angular_momentum().value, self.linear_momentum().value
+        energy, angular, linear = self.conserved()
         forces, timed = acts_on_massive(self.system), depends_on_time(self.system)
-        if forces:
-            run: Trajectory = self  # type: ignore[assignment]
-            given = accounts_of(run).sum(axis=1) / self.system.units.G
-            energy, angular, linear = energy - given[:, 0], angular - given[:, 1:4], linear - given[:, 4:7]
-        taken = self._lost() / self.system.units.G
-        energy, angular, linear = energy + taken[:, 0], angular + taken[:, 1:4], linear + taken[:, 4:]
         pole = axis(self.system)
         lost = pole is not None and not any(pole)
         angular = angular if pole is None else angular @ np.array(pole)
@@ -232,11 +225,30 @@ class Conservation:
             energy=NONE if timed else self._drift(energy, lambda gm, q, v: kinetic_energies(gm, v)),
             angular_momentum=NONE if lost else self._drift(angular, moments),
             linear_momentum=self._drift(linear, lambda gm, q, v: momenta(gm, v), first=0.0),
-            centre_of_mass=NONE if forces or self._kicked() else self._uniform_motion(q, v),
+            centre_of_mass=NONE if forces or self._kicked() else self._uniform_motion(),
             massive=tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass),
             particles=int(np.count_nonzero(~massive)),
             pole=pole,
             forces=forces,
+        )
+
+    def conserved(self) -> tuple[Array, Array, Array]:
+        """Return what an exact run would keep, in the units of the system: energy (1 + n,), angular momentum and
+        momentum (1 + n, 3), at the start of the run and at each sample, less what forces gave and changes of bodies
+        took.
+        """
+        run: Trajectory = self  # type: ignore[assignment]
+        start, G = self.system, self.system.units.G
+        given = accounts_of(run).sum(axis=1) / G if acts_on_massive(start) else np.zeros((len(self), 7))
+        taken = self._lost() / G
+
+        def since_start(first: u.Quantity, values: u.Quantity, columns: Any) -> Array:
+            return np.concatenate([first.value[None], values.value - given[:, columns] + taken[:, columns]])
+
+        return (
+            since_start(start.energy(), self.energy(), 0),
+            since_start(start.angular_momentum(), self.angular_momentum(), slice(1, 4)),
+            since_start(start.linear_momentum(), self.linear_momentum(), slice(4, 7)),
         )
 
     def _of_rigid(self, function: Callable[[System, Array, Array], Array]) -> Array:
@@ -245,10 +257,13 @@ class Conservation:
         states = rigid_bodies().states_in(accounts_of(run), self.system)
         return np.concatenate([function(system, q, states[block]) for block, system, q, _ in self.blocks()])
 
-    def _uniform_motion(self, q: Array, v: Array) -> diagnostics.Drift:
-        """The drift of the centre of mass from uniform motion; q, v : (n, 3) at the start."""
-        velocity = centre_velocity(self.system, q, v, self.times[0])
-        return uniform_motion_drift(gm_of(self.system), self.times, self.centre_of_mass().value, q, velocity)
+    def _uniform_motion(self) -> diagnostics.Drift:
+        """The drift of the centre of mass from its uniform motion at the start."""
+        start, massive = self.system, self.system.massive
+        q, v = start.values.q[massive], start.values.v[massive]
+        centres = np.concatenate([start.centre_of_mass().value[None], self.centre_of_mass().value])
+        times = np.concatenate([[0.0], self.times])
+        return uniform_motion_drift(gm_of(start), times, centres, q, centre_velocity(start, q, v))
 
     def energy_lost(self) -> u.Quantity:
         """Return the energy that the massive bodies lost in mergers and bounces up to each sample, shape (n,).
@@ -299,7 +314,11 @@ class Conservation:
     def _drift(
         self, values: Array, terms: Callable[[Array, Array, Array], Array], first: Any = None
     ) -> diagnostics.Drift:
-        """Return the drift of a quantity; `terms` (of gm, q and v) is the sum of the sizes of its terms, times G."""
+        """Return the drift of a quantity from its first value, that at the start of the run.
+
+        terms : of gm, q and v, the sum of the sizes of its terms, times G; first : what stands for the first value in
+            the scale
+        """
         start, massive, G = self.system.values, self.system.massive, self.system.units.G
         begin = float(terms(start.gm[massive], start.q[massive], start.v[massive])) / G
 

@@ -12,6 +12,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import index_of
+from orbits.checks import place_in
 from orbits.errors import ArchiveError
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.export.labelled import imported
@@ -120,13 +121,16 @@ class Events(Sequence[FoundEvent]):
     def __getitem__(self, key: slice | str) -> Events: ...
 
     def __getitem__(self, key: int | slice | str) -> FoundEvent | Events:
-        """Return one event by index, or several by a slice, or by the name of a body. Raises UnknownNameError."""
+        """Return one event by index, or several by a slice, or by the name of a body. Raises UnknownNameError,
+        OutOfRangeError.
+        """
         if isinstance(key, str):
             row = index_of(key, self._names)
             return self._some((self._rows[:, [BODY, OTHER]] == row).any(axis=1))
         if isinstance(key, slice):
             return self._some(key)
-        return self._one(self._rows[key])
+        expected = 'an index, run.events[-1], a slice, run.events[:10], or the name of a body, run.events["Moon"]'
+        return self._one(self._rows[place_in(len(self), key, "run.events", "events", expected)])
 
     def _one(self, row: Array) -> FoundEvent:
         time = u.Quantity(row[TIME], self._units.time)

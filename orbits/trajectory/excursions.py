@@ -11,6 +11,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.checks import place_in
 from orbits.errors import ArchiveError
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.marching.leaving import BODY, COUNTS, EXCURSIONS, LEFT, NOBODY, NOT_YET, OTHER_BODY, RETURNED, ROOM
@@ -100,7 +101,8 @@ class Excursions(Sequence[Excursion]):
 
     def __getitem__(self, key: int | slice) -> Excursion | Excursions:
         if not isinstance(key, slice):
-            return self._excursions[key]
+            expected = "an index, run.excursions[-1], or a slice, run.excursions[:10]"
+            return self._excursions[place_in(len(self), key, "run.excursions", "excursions", expected)]
         some = self._excursions[key]
         return Excursions(some, len(some), self._unit)
 

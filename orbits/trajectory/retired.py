@@ -11,6 +11,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import index_of
+from orbits.checks import place_in
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.units import date_text, written
 
@@ -86,12 +87,15 @@ class RetiredParticles(Sequence[RetiredParticle]):
     def __getitem__(self, key: slice) -> RetiredParticles: ...
 
     def __getitem__(self, key: int | str | slice) -> RetiredParticle | RetiredParticles:
-        """Return one by index or name, or several by a slice. Raises UnknownNameError for one that is not retired."""
+        """Return one by index or name, or several by a slice. Raises UnknownNameError for one that is not retired, and
+        OutOfRangeError.
+        """
         if isinstance(key, slice):
             return RetiredParticles(self._particles[key])
         if isinstance(key, str):
             return self._particles[index_of(key, self.names, "retired particle")]
-        return self._particles[key]
+        expected = 'an index, run.retired[-1], a slice, run.retired[:10], or a name, run.retired["Ceres"]'
+        return self._particles[place_in(len(self), key, "run.retired", "retired particles", expected)]
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.names)

@@ -32,11 +32,11 @@ class Spins:
 
         Raises InputError for another body, and for a trajectory that has only samples of a run.
         """
-        if body in self.system.rigid:
+        if isinstance(body, str) and body in self.system.rigid:
             run: Trajectory = self  # type: ignore[assignment]
             return run.angular_velocity(body)
         found = {force.source: k for k, force in self._spinning().items()}
-        if body not in found:
+        if not isinstance(body, str) or body not in found:
             those = f"those with Tides, {few(sorted(found))}" if found else "a system with forces orbits.Tides(...)"
             raise InputError(f"the spin of {shown(body)} is not known in this run; expected {those}.")
         return u.Quantity(self._spin(found[body]), self.system.units.rate)

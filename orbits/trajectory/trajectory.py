@@ -14,7 +14,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
-from orbits.checks import finite_numbers, is_whole
+from orbits.checks import finite_numbers, place_in
 from orbits.errors import ArchiveError, InputError, shown, with_unit
 from orbits.export import Labelled, Tabular, html_pairs
 from orbits.marching.adaptive import Adaptive
@@ -299,7 +299,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         """Return the trajectory of a body by name, the `System` at a sample by index, or a `Trajectory` by a slice.
 
         Negative indices count from the end. Times of a slice still count from the epoch of the run.
-        Raises UnknownNameError or IndexError, and InputError for other keys.
+        Raises UnknownNameError or OutOfRangeError, and InputError for other keys.
         """
         units = self.system.units
         if isinstance(key, str):
@@ -308,13 +308,8 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             return BodyTrajectory(self.names[i], self.t, u.Quantity(q, units.length), u.Quantity(v, units.speed))
         if isinstance(key, slice):
             return self._some(key)
-        if not is_whole(key):
-            raise InputError(
-                f'run[{shown(key)}]: expected a name, run["Sun"], a sample, run[-1], or a slice, run[10:20].'
-            )
-        if not -len(self) <= key < len(self):
-            raise IndexError(f"sample {shown(key)} of a run with {len(self)} samples")
-        k = int(key) % len(self)
+        expected = 'a name, run["Sun"], a sample, run[-1], or a slice, run[10:20]'
+        k = place_in(len(self), key, "run", "samples", expected)
         accounts = accounts_of(self)[k] if most_inner(self.system) else None
         return self.system_of(self._q[k], self._v[k], float(self.times[k]), accounts)
 
@@ -337,7 +332,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
 
         primary : a body, "barycentre" or "jacobi"; optional if only one body has mass
-        frame : "ecliptic" (of J2000) or "icrf" (the system's own axes); by default as in `System.add`
+        frame : "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default that of `System.frame`
         Bodies that merged before the first of these samples are left out.
         Raises as `System.elements` does.
         """
@@ -357,7 +352,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             v,
             units=self.system.units,
             primary=primary,
-            frame=frame,
+            frame=self.system.frame if frame is None else frame,
             t=self.times,
             epoch=self.system.epoch,
         )

@@ -12,7 +12,7 @@ from astropy import units as u
 import orbits
 from orbits import integrators
 from orbits.errors import InputError
-from orbits.kernels.fine_gravity import fine_pair_accelerations
+from orbits.kernels.fine_gravity import add_fine_pair_accelerations
 from orbits.marching.alignment import aligned
 from orbits.resources import data_path
 
@@ -25,7 +25,7 @@ def accelerations(gm, close):
     q, q_lo, out, out_lo = aligned(*((3 * n, 8) for _ in range(4)))
     q[:] = rng.normal(size=q.shape)
     q_lo[:] = np.spacing(q) * rng.uniform(-0.5, 0.5, q.shape)
-    fine_pair_accelerations(np.concatenate([[0.0], gm]), q, q_lo, close, out, out_lo)
+    add_fine_pair_accelerations(np.concatenate([[0.0], gm]), q, q_lo, close, out, out_lo)
     with mpmath.workdps(60):
         exact = np.vectorize(mpmath.mpf, otypes=[object])
         x = (exact(q) + exact(q_lo)).reshape(3, n, 8)

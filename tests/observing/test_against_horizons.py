@@ -33,7 +33,7 @@ def ceres() -> orbits.observing.Ephemeris:
         ("dec", 9.09829, 1e-5),
         ("apparent_ra", 188.69904 + 53e-3 / 3600, 1e-5),  # Horizons' equinox is 53 mas off that of IAU 2006, as it says
         ("apparent_dec", 9.09876, 1e-5),
-        ("ra_rate", 34.40955, 2e-4),  # Horizons' axes are of date
+        ("ra_rate", 34.40955, 3e-3),  # Horizons' axes are of date, and it projects a velocity: v/c is 7e-5
         ("dec_rate", -2.68359, 2e-3),
         ("V", 8.459, 5e-4),
         # Ceres of SB441-N16 and of the solution that Horizons used, JPL#48, are 2 km apart.

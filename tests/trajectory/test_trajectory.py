@@ -14,7 +14,8 @@ import orbits
 from orbits import diagnostics
 from orbits.archive import ArchiveWriter
 from orbits.archive.samples import Samples
-from orbits.errors import ArchiveError, InputError, OrbitsError, UnknownNameError
+from orbits.errors import ArchiveError, InputError, OrbitsError, OutOfRangeError, UnknownNameError
+from orbits.propagation.approaches import Rows
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
@@ -182,6 +183,24 @@ def test_q_of_a_file_is_not_read_until_it_is_used(tmp_path, monkeypatch):
     assert np.array_equal(run.q[2:4, 1].to_value(u.m), u.Quantity(q[2:4, 1], u.au).to_value(u.m))
 
 
+@pytest.mark.parametrize("some", [slice(3, 4), slice(3, None), slice(None, 2, -1)])
+def test_drift_is_measured_from_the_start_of_the_run_also_without_a_sample_there(run, some):
+    """One sample, and several without the first: they are as far from the initial state as in the whole run."""
+    part, gm = run[some], run.system.values.gm
+    rows = np.arange(SAMPLES)[some]
+    _, q, v = floats()
+    energy, momentum = diagnostics.energy(gm, q, v), diagnostics.linear_momentum(gm, v)
+    drift = part.drift()
+    assert drift.energy.max_fraction == pytest.approx(np.abs(energy / energy[0] - 1)[rows].max(), rel=1e-14)
+    assert drift.energy.scale == run.drift().energy.scale
+    away = np.linalg.norm(momentum - momentum[0], axis=1)[rows]
+    # Velocities stray by 1 %: differences keep 14 of their 16 digits.
+    assert drift.linear_momentum.last_fraction * drift.linear_momentum.scale * run.system.units.G == pytest.approx(
+        away[-1], rel=1e-12
+    )
+    assert drift.centre_of_mass.max_fraction > 1e-3
+
+
 def test_drift_is_measured_from_the_first_sample():
     t, q, v = floats()
     run = in_memory()
@@ -223,6 +242,28 @@ def test_a_run_in_progress_shows_what_is_there(tmp_path):
     assert (len(run), run.complete, run.q.shape) == (4, False, (4, len(NAMES), 3))
     assert run.times.tolist() == [0.0, 0.5, 1.0, 1.5]
     assert "incomplete" in repr(run)
+
+
+@pytest.mark.parametrize("key", [7, -8, 10**400])
+def test_an_index_beyond_the_end_is_an_index_error_in_words(key):
+    """Whatever has a length: what was asked, how many there are, and what may be asked."""
+    run = in_memory()[:2]
+    listed = Rows(run, "Ceres", [], [])
+    for sequence, said in (
+        (run, "number of samples is 2"),
+        (run.events, "number of events is 0"),
+        (run.retired, "number of retired particles is 0"),
+        (run.excursions, "number of excursions is 0"),
+        (run.system, "number of bodies is 5"),
+        (orbits.asteroids(3), "number of bodies is 3"),
+        (listed, "number of passages is 0"),
+    ):
+        with pytest.raises(OutOfRangeError, match=f"{said}; expected .*an? "):
+            sequence[key]
+        for strange in (1.5, None, True, np.array([[1]])):
+            with pytest.raises(InputError, match="expected "):
+                sequence[strange]
+    assert issubclass(OutOfRangeError, IndexError)  # by which Python ends loops over sequences
 
 
 def test_a_run_without_samples_yet_is_empty_and_says_so(tmp_path):

@@ -154,9 +154,9 @@ class PostNewtonian(Term):
         alike = {name.casefold() for name in named}
         if len(alike) < len(named):
             raise InputError(f"PostNewtonian: sources names one body twice, {shown([*named])}; expected each once.")
-        if self.body is not None and alike != {self.body.casefold()}:
+        if self.body is not None and not (isinstance(self.body, str) and alike == {self.body.casefold()}):
             raise InputError(
-                f"PostNewtonian: body is {self.body!r} and sources is {shown([*named])}; expected sources alone."
+                f"PostNewtonian: body is {shown(self.body)} and sources is {shown([*named])}; expected sources alone."
             )
         object.__setattr__(self, "sources", tuple(named))
         object.__setattr__(self, "body", named[0] if len(named) == 1 else None)
