@@ -19,9 +19,10 @@ stops : (conditions, 4), see `stopping.py`; if there are any
 hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies: the number of steps
     after which a condition first held, the condition, row and body
 radii : (n + m + padding,), radii of the bodies, then of the particles; negative where nothing collides. These and
-    `touched`, `touched_own` only if collisions are sought
-touched : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps after
-    which two bodies may have touched
+    `strength`, `touched`, `touched_own` only if collisions are sought
+strength : (1 + n,), the squared softening length and GM of the bodies
+touched : (m + 1,) int64; for each particle, and last for the bodies: the number of steps after which one may have
+    touched a body
 rough : see `orbits.kernels.collisions`
 touched_own : (m,) int64; the same for each particle that was observed in steps of its own, and 0 for the others
 passage_angle : angle of a step, h x speed / distance, above which every passage of a body other than the dominant one
@@ -80,6 +81,7 @@ _KINDS: dict[str, Any] = {
     "stops": _array(2),
     "hits": _array(2, types.int64),
     "radii": _array(1),
+    "strength": _array(1),
     "touched": _array(1, types.int64),
     "touched_own": _array(1, types.int64),
     "rough": types.float64,

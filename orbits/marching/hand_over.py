@@ -60,7 +60,7 @@ from orbits.kernels.watch import watch_at
 from orbits.marching.bodies_between import Field
 from orbits.marching.driver import march_particles
 from orbits.marching.own_clocks import BEFORE, NEXT, REACHED, Shared, follow
-from orbits.marching.own_steps_log import ENTRIES, TOUCH, WANTED, Log, begin_log, hide, log_state, look
+from orbits.marching.own_steps_log import ENTRIES, WANTED, Log, begin_log, hide, log_state, look
 
 SKIPPED = -1
 """The status of a particle that is away, while others are marched in lanes."""
@@ -419,5 +419,5 @@ def march_handing_over(
                 hit = watch_at(context).hits[begin // WIDTH]
                 if found[0] <= steps and found[0] < hit[0]:
                     hit[0], hit[1], hit[2], hit[3] = found[0], found[1], found[2], found[3]
-            found[0], found[TOUCH] = steps + 1, steps + 1
+            found[0] = steps + 1
     return evaluations

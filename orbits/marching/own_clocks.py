@@ -56,7 +56,6 @@ from orbits.marching.changing import FARTHEST, ORIGIN
 from orbits.marching.own_steps_log import (
     ENTRIES,
     FEW,
-    TOUCH,
     WANTED,
     Log,
     begin_log,
@@ -320,11 +319,13 @@ def march_own_clocks(
         if lane == WIDTH - 1 or p == stop - 1:
             call_observer(observer, context, track, times[1] - times[0], steps, p - lane, stop)
             if context != 0:
-                watch, group = watch_at(context), (p - lane) // WIDTH
-                hit = watch.hits[group]
+                watch = watch_at(context)
+                hit = watch.hits[(p - lane) // WIDTH]
                 if found[0] <= steps and found[0] < hit[0]:
                     hit[0], hit[1], hit[2], hit[3] = found[0], found[1], found[2], found[3]
                 if watch.collide != 0:
-                    watch.touched[group] = min(watch.touched[group], found[TOUCH])
-            found[0], found[TOUCH] = steps + 1, steps + 1
+                    for k in range(p - lane, p + 1):
+                        if watch.touched_own[k] != 0:
+                            watch.touched[k] = min(watch.touched[k], watch.touched_own[k])
+            found[0] = steps + 1
     return evaluations

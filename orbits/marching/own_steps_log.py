@@ -25,9 +25,6 @@ FEW = 4
 ENTRIES, WANTED = 0, 1
 """The counts of a log: its entries, and whether one of them is worth a look."""
 
-TOUCH = 4
-"""The place in `found` of the number of steps after which a body may have been touched."""
-
 NEVER = 1 << 62
 """A number of steps beyond any block."""
 
@@ -41,8 +38,7 @@ class Log(NamedTuple):
     observer, context : see `orbits.kernels.observing`; no observer is called, and nothing logged, for address 0
     counts : (2,) int64; at : (room, 2), number of a step of the bodies and the part of it that has passed
     times, path, track : of the context, with room for as many states; track is NaN but for the particle's lane
-    found : (5,) int64, the first condition that was met, as in a row of `hits`, and the number of steps after which a
-        body may have been touched, as in `touched`; see `orbits.kernels.watch`
+    found : (4,) int64, the first condition that was met, as in a row of `hits`; see `orbits.kernels.watch`
     order : (n,) int64, the bodies of the observers in the order of those of the field
     reaches : (padded n,), those of the observers in this order; seen : (2, padded), workspace
     whole : flat, the states of the bodies at the beginnings of their steps, as the observers see them, each padded
@@ -65,7 +61,7 @@ class Log(NamedTuple):
 @kernel(inline=True)
 def begin_log(log, steps):
     """Prepare a log for a block of `steps` steps."""
-    log.found[0], log.found[TOUCH] = steps + 1, steps + 1
+    log.found[0] = steps + 1
     log.counts[ENTRIES], log.counts[WANTED] = 0, 0
     if log.context != 0:
         watch = watch_at(log.context)
@@ -119,10 +115,9 @@ def look(method, model, field, log, p):
             if k < log.found[0]:
                 log.found[0], log.found[1], log.found[2], log.found[3] = k, hit[1], hit[2], hit[3]
     if watch.collide != 0:
-        touched, own = watch.touched[first // WIDTH], watch.touched_own
+        touched, own = watch.touched[p], watch.touched_own
         until = steps_until(log, touched) if touched <= last else NEVER
         own[p] = until if own[p] == 0 else min(own[p], until)
-        log.found[TOUCH] = min(log.found[TOUCH], until)
     for i in range(6):
         log.track[i, p % WIDTH] = log.track[6 * last + i, p % WIDTH]
     log.at[0, 0], log.at[0, 1], log.counts[ENTRIES] = log.at[last, 0], log.at[last, 1], 1

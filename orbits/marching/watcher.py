@@ -157,10 +157,11 @@ class Watcher:
         if radii is not None:
             within = np.full(padded(len(self._rows)), -np.inf)
             within[: len(self._rows)] = radii[self._rows]
-            self._touched = np.zeros(len(self._hits), dtype=np.int64)
+            self._touched = np.zeros(len(particles) + 1, dtype=np.int64)
             self._touched_own = np.zeros(len(particles), dtype=np.int64)
             rough = collisions.roughness(order)
-            self.contexts.enter(radii=within, touched=self._touched, touched_own=self._touched_own, rough=rough)
+            self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
+            self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_met, self._find_touch, self._observer = False, 0, 0, 0
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
@@ -345,10 +346,9 @@ class Watcher:
 
     def touching(self, steps: int) -> NDArray[np.intp]:
         """Return the particles, in the numbers of the caller, that may have touched a body in the `steps` steps just
-        observed, in a march with radii: of each group of eight in which one may have, all that were not observed alone.
+        observed, in a march with radii.
         """
-        may = np.repeat(self._touched[:-1], WIDTH)[: len(self._particles)] <= steps
-        return np.asarray(self._particles[may & (self._touched_own <= steps)])
+        return np.asarray(self._particles[self._touched[:-1] <= steps])
 
     def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
         """Return a copy of a record that includes the distances at the end of the run."""

@@ -326,13 +326,14 @@ class ChangingMarch:
         def at(time: float) -> tuple[Array, Array]:
             return self._whole(self._partial(start, time), start.time)
 
-        step = Step(start.time, after.time, q, v, at)
+        massive = np.flatnonzero(self._present_massive())
+        step = Step(start.time, after.time, q, v, at, massive, start.parameters[: 1 + len(massive)])
         assert self._collisions is not None
         if not start.clock.changes or self._massive.all():
-            return impacts(step, self.bodies.radii, self.bodies.gm > 0.0, self._collisions.seeks, self.integrator.order)
+            return impacts(step, self.bodies.radii, self._collisions.seeks, self.integrator.order)
         for x in (*step.before, *step.after):
             x[~self._massive] = np.nan
-        found = impacts(step, self.bodies.radii, self._present_massive(), self._collisions.seeks, self.integrator.order)
+        found = impacts(step, self.bodies.radii, self._collisions.seeks, self.integrator.order)
         numbers = np.flatnonzero(self._there)
         for particle in numbers[after.touching()].tolist():
             if self.bodies.present[particle]:

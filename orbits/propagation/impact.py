@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.kernels.collisions import fraction_of_contact, roughness, touching
+from orbits.kernels.collisions import fraction_of_contact, margin_of_cubic, roughness, touching
 
 Array = NDArray[np.float64]
 State = tuple[Array, Array]
@@ -35,18 +35,33 @@ class Impact(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A step of a march: the times and the states at its ends, and `at`, which returns the state at a time within."""
+    """A step of a march: the times and the states at its ends, and `at`, which returns the state at a time within.
+
+    massive : the numbers of the massive bodies there
+    strength : the squared softening length, and the GM of each of these
+    """
 
     begin: float
     end: float
     before: State
     after: State
     at: Callable[[float], State]
+    massive: NDArray[np.intp]
+    strength: Array
+
+    def field(self, before: State, after: State) -> tuple[Array, Array, int, int]:
+        """Return the field of the massive bodies between two states, for `margin_of_cubic`."""
+        path = np.array([x[self.massive].T for x in (*before, *after)]).ravel()
+        return self.strength, path, 0, 3 * len(self.massive)
+
+    def numbers(self) -> NDArray[np.int64]:
+        """Return the numbers of all bodies among the massive ones, (n,); as many as these are for the massless ones."""
+        numbers = np.full(len(self.before[0]), len(self.massive), dtype=np.int64)
+        numbers[self.massive] = np.arange(len(self.massive))
+        return numbers
 
 
-def impacts(
-    step: Step, radii: Array, massive: NDArray[np.bool_], seeks: Callable[[int, int], bool], order: int
-) -> list[Impact]:
+def impacts(step: Step, radii: Array, seeks: Callable[[int, int], bool], order: int) -> list[Impact]:
     """Return the collisions in a step, in the order of time; of those at the same time that of the first bodies first.
 
     radii : (n,), of all bodies; seeks : whether the collision of two bodies is looked for
@@ -54,7 +69,7 @@ def impacts(
     A pair that overlaps at the beginning of the step does not collide in it.
     """
     found, motion = [], _motion(step, order)
-    for i, j in candidates(step, radii, massive, _slack(step, order)):
+    for i, j in candidates(step, radii, _slack(step, order)):
         time = _time_of(motion, step, i, j, float(radii[i] + radii[j])) if seeks(i, j) else None
         if time is not None:
             found.append(Impact(time, i, j))
@@ -62,12 +77,13 @@ def impacts(
     return sorted(found, key=lambda impact: (impact.time * direction, impact.first, impact.second))
 
 
-def candidates(step: Step, radii: Array, massive: NDArray[np.bool_], slack: float) -> Iterable[tuple[int, int]]:
+def candidates(step: Step, radii: Array, slack: float) -> Iterable[tuple[int, int]]:
     """Yield the pairs, the lower number first, that may touch within a step, by the verdict that found the step."""
     states, found = np.array([*step.before, *step.after]), np.zeros(len(radii), dtype=bool)
     pairs: set[tuple[int, int]] = set()
-    for i in np.flatnonzero(massive).tolist():
-        touching(i, states, step.end - step.begin, radii, slack, found)
+    field, numbers = step.field(step.before, step.after), step.numbers()
+    for i in step.massive.tolist():
+        touching(i, states, numbers, field, step.end - step.begin, radii, slack, found)
         pairs |= {(min(i, j), max(i, j)) for j in np.flatnonzero(found).tolist()}
     return sorted(pairs)
 
@@ -108,9 +124,10 @@ def _time_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach
     """
     begin, end = step.begin, step.end
     h = end - begin
+    (row, j), (body, i) = sorted(((int(step.numbers()[k]), k) for k in (i, j)), reverse=True)
 
     def relative(s: float) -> tuple[float, ...]:
-        """Return position and velocity of the second relative to the first at a fraction of the step."""
+        """Return position and velocity at a fraction of the step, relative to a massive body of the pair."""
         q, v = motion(s)
         return tuple(np.concatenate([q[j] - q[i], v[j] - v[i]]).tolist())
 
@@ -130,7 +147,9 @@ def _time_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach
     if 0.0 <= left <= rounding and leaving < 0.0:
         left, rounding = math.inf, 0.0  # it touches in the next step
     for _ in range(PARTS):
-        part = float(fraction_of_contact(here, last, (1.0 - s) * h, reach, 0.0))
+        field, rest = step.field(motion(s), motion(1.0)), (1.0 - s) * h
+        margin = margin_of_cubic(field, row, body, here, last, rest)
+        part = float(fraction_of_contact(here, last, rest, reach, margin, 0.0))
         following = s + (1.0 - s) * part
         if following >= 1.0 - resolution:
             break
@@ -138,6 +157,8 @@ def _time_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach
             return begin + s * h
         here = relative(following)
         distance, slope = gap(here)
+        if not math.isfinite(distance):  # no partial step of the method leads there
+            return None if left >= 0.0 else end
         if distance < 0.0:  # by rounding, or where the motion differs from the cubic by more than was allowed for
             return begin + _root(lambda x: gap(relative(x)), s, following, following, resolution, rounding) * h
         if distance <= rounding and slope < 0.0:

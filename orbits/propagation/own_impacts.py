@@ -66,7 +66,8 @@ def own_steps(march: Marcher, particle: int, end: float) -> Iterator[Step]:
         def at(time: float) -> State:
             return march.state_at(Place(0, time))
 
-        yield Step(begin, goal, before, after, at)
+        bodies = np.delete(np.arange(len(before[0])), particle)
+        yield Step(begin, goal, before, after, at, bodies, march.parameters[: 1 + len(bodies)])
         march.restore(there)
 
 
@@ -79,8 +80,7 @@ def own_impacts(
     march, end : as of `own_steps`, of the bodies that are `there`, (n,); particle : its number among all n
     radii : (n,); collisions : those that are sought
     """
-    massive, found = there.copy(), list[Impact]()
-    massive[particle] = False
+    numbers, found = np.flatnonzero(there), list[Impact]()
 
     def whole(state: State) -> State:
         q, v = np.full((2, len(there), 3), np.nan)
@@ -92,8 +92,9 @@ def own_impacts(
 
     for step in [] if march.retired() else own_steps(march, int(there[:particle].sum()), end):
         at = partial(_whole_at, whole, step.at)
-        step_of_all = step._replace(before=whole(step.before), after=whole(step.after), at=at)
-        for impact in impacts(step_of_all, radii, massive, seeks, march.integrator.order):
+        massive = numbers[step.massive]
+        step_of_all = step._replace(before=whole(step.before), after=whole(step.after), at=at, massive=massive)
+        for impact in impacts(step_of_all, radii, seeks, march.integrator.order):
             found.append(impact)
             rule = collisions.rule(impact.first, impact.second)
             if rule is not None and rule.then != RECORD:

@@ -8,7 +8,7 @@ import pytest
 
 import orbits
 from orbits import Collision, Merge
-from tests.propagation.meeting import contact, passing, planetesimals
+from tests.propagation.meeting import contact, near_a_planet, passing, planetesimals
 
 METHODS: list[Any] = [
     orbits.Gauss(stages=8), orbits.Gauss(stages=2), orbits.ImplicitMidpoint(), orbits.StormerVerlet(),
@@ -62,3 +62,20 @@ def test_contacts_in_partial_steps_are_those_of_samples_between(method):
             k = int(np.searchsorted(samples, t))
             near = np.linalg.norm(q[k - 1 : k + 1, i] - q[k - 1 : k + 1, j], axis=1)
             assert near.min() < reach[i, j] + 0.01
+
+
+@pytest.mark.faults
+def test_all_collisions_of_small_bodies_near_a_planet_are_found():
+    met = 0
+    for seed in range(150):
+        system, step, time = near_a_planet(seed)
+        how: dict[str, Any] = {"dt": step, "samples": [0.0, time, step], "check_step": False}
+        try:
+            run = orbits.propagate(system, orbits.Gauss(), duration=step, events=Collision(), **how)
+        except orbits.errors.ConvergenceError:  # the following step, after which one falls to the planet, is too long
+            continue
+        apart = float(np.linalg.norm(run.q.value[1, 3] - run.q.value[1, 2]))
+        if apart < 2e-8:  # the step is short enough for the passage of the planet
+            met += 1
+            assert len(run.events) == 1, seed
+    assert met > 130

@@ -70,3 +70,32 @@ def planetesimals(seed: int, gm: float, second: float, radius: float = 1e-5, cou
             v.append(start[1])
     radii = [1e-3, *[radius] * (2 * count)]
     return orbits.System(names, gm=gms, q=q, v=v, radii=radii, units=orbits.DIMENSIONLESS)
+
+
+def near_a_planet(seed: int) -> tuple[orbits.System, float, float]:
+    """A star, a planet, and two small bodies that meet near the planet within a step from the start; the length of that
+    step, 0.3 to 1 radians where they meet, and the time at which they are half the sum of their radii apart.
+    """
+    rng = np.random.default_rng(seed)
+
+    def direction() -> Array:
+        d = rng.normal(size=3)
+        return np.asarray(d / np.linalg.norm(d))
+
+    planet, moving = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    distance = 0.07 * 10.0 ** rng.uniform(-0.5, 0.7)
+    place = planet + distance * direction()
+    speed = np.sqrt(1e-3 / distance) + distance
+    speeds = [moving + rng.uniform(0.0, 3.0) * speed * direction() for _ in range(2)]
+    step = rng.uniform(0.3, 1.0) / np.sqrt(1.0 / np.linalg.norm(place) ** 3 + 1e-3 / distance**3)
+    time = rng.uniform(0.2, 0.8) * step
+    there = orbits.System(
+        ["star", "planet", "a", "b"],
+        gm=[1.0, 1e-3, 0.0, 0.0],
+        q=[np.zeros(3), planet, place, place + 1e-8 * direction()],
+        v=[np.zeros(3), moving, *speeds],
+        radii=[0.0, 0.0, 1e-8, 1e-8],
+        units=orbits.DIMENSIONLESS,
+    )
+    start = orbits.propagate(there, dt=time / 8.0, duration=-time, check_step=False)[-1]
+    return start.replaced(gm=[1.0, 1e-3, 1e-20, 0.0]), step, time

@@ -10,7 +10,7 @@ import pytest
 import orbits
 from orbits import Collision, Merge
 from orbits.kernels.collisions import NEVER, fraction_of_contact
-from tests.propagation.meeting import contact, passing, planetesimals
+from tests.propagation.meeting import contact, near_a_planet, passing, planetesimals
 
 HOW: Any = pytest.mark.parametrize("dt", [None, 0.3], ids=["adaptive", "constant"])
 
@@ -47,15 +47,27 @@ def test_the_first_contact_of_a_cubic_is_that_of_a_fine_search_and_none_is_passe
         reach = float(distance.min()) * rng.choice([0.99, 1.01])
         if np.linalg.norm(x0) <= reach or np.linalg.norm(x1) <= reach:
             continue
-        part = fraction_of_contact((*x0.tolist(), *u0.tolist()), (*x1.tolist(), *u1.tolist()), 1.0, reach, 0.0)
+        ends = (*x0.tolist(), *u0.tolist()), (*x1.tolist(), *u1.tolist())
+        part = fraction_of_contact(*ends, 1.0, reach, 0.0, 0.0)
         inside = np.flatnonzero(distance < reach)
-        if len(inside):  # what is returned comes before it, as there is room for the error of the cubic
+        if len(inside):
             touched += 1
             assert part <= s[inside[0], 0]
+            assert fraction_of_contact(*ends, 1.0, reach, 0.1, 0.0) < part
     assert touched > 100
     straight = (-1e6, 1.5, 0.0, 2e6, 0.0, 0.0), (1e6, 1.5, 0.0, 2e6, 0.0, 0.0)
-    assert fraction_of_contact(*straight, 1.0, 1.4999, 0.0) == NEVER
-    assert fraction_of_contact(*straight, 1.0, 1.5001, 0.0) == pytest.approx(0.5, abs=1e-8)
+    assert fraction_of_contact(*straight, 1.0, 1.4999, 0.0, 0.0) == NEVER
+    assert fraction_of_contact(*straight, 1.0, 1.5001, 0.0, 0.0) == pytest.approx(0.5, abs=1e-8)
+
+
+def test_a_collision_near_a_planet_whose_pull_cancels_the_tide_of_the_star_is_found() -> None:
+    # The cubics are off by 4e3 to 4e5 times the sum of the radii, 1.02 to 2.1 times what their ends alone let expect.
+    for seed in (18, 167, 180, 182, 193):
+        system, step, time = near_a_planet(seed)
+        run = orbits.propagate(system, orbits.Gauss(), dt=step, duration=step, events=Collision(), check_step=False)
+        assert [event.body for event in run.events] == ["a"], seed
+        # They touch 1e-8 to 3e-8 earlier on a way of 0.02 to 0.25 in the step: 2e-6 of it at most.
+        assert abs(run.events.time[0].value - time) < 2e-6 * step
 
 
 @pytest.mark.parametrize("then", ["record", Merge()], ids=["record", "merge"])
