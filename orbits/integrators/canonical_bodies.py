@@ -26,7 +26,6 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
-from numba.extending import overload
 
 from orbits.integrators.canonical import combine
 from orbits.integrators.canonical_end import finish, finish_finely, momenta
@@ -51,7 +50,7 @@ from orbits.integrators.collocation_lengths import signal
 from orbits.integrators.collocation_rows import HB, HC, HC_LO, is_close
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.acting import FIGURES, Moment, account, add_acting, add_terms, inner_variables
-from orbits.kernels.binding import OPTIONS, accelerate, accelerate_close, dimension, first_term
+from orbits.kernels.binding import accelerate, accelerate_close, dimension, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
@@ -66,28 +65,21 @@ from orbits.kernels.iteration import (
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, store
 from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import two_sum
+from orbits.kernels.verbs import verb
 from orbits.tableaux import SymplecticTableau
 
 
+@verb
 def guess(method, table, carry, k, v):
     """Return the velocities of the stages of coordinate k, relative to v, as the step before lets expect them."""
-    raise NotImplementedError("guess() is for compiled code only")
-
-
-@overload(guess, jit_options=OPTIONS)
-def _guess(method, table, carry, k, v):
     if is_close(method):
         return lambda method, table, carry, k, v: combine(table, CONTINUATION, carry, k)
     return lambda method, table, carry, k, v: combine(table, CONTINUATION, carry, k) - v
 
 
+@verb
 def put(method, stages, k, x, increment):
     """Write the positions x + increment of the stages of coordinate k, with low parts if the form has them."""
-    raise NotImplementedError("put() is for compiled code only")
-
-
-@overload(put, jit_options=OPTIONS)
-def _put(method, stages, k, x, increment):
     if not is_close(method):
         return lambda method, stages, k, x, increment: store(stages.Q, k, x + increment)
 
@@ -99,13 +91,9 @@ def _put(method, stages, k, x, increment):
     return with_low_part
 
 
+@verb
 def attract(method, model, stages, out):
     """Write the accelerations of the stages by Newton's attractions."""
-    raise NotImplementedError("attract() is for compiled code only")
-
-
-@overload(attract, jit_options=OPTIONS)
-def _attract(method, model, stages, out):
     if is_close(method):
         return lambda method, model, stages, out: accelerate_close(
             first_term(model.tag), model.parameters[0], stages.Q, stages.Q_lo, out
@@ -113,23 +101,15 @@ def _attract(method, model, stages, out):
     return lambda method, model, stages, out: accelerate(first_term(model.tag), model.parameters[0], stages.Q, out)
 
 
+@verb
 def parts(method, d):
     """Return what is to converge: each coordinate, or with low parts each body."""
-    raise NotImplementedError("parts() is for compiled code only")
-
-
-@overload(parts, jit_options=OPTIONS)
-def _parts(method, d):
     return (lambda method, d: d // 3) if is_close(method) else (lambda method, d: d)
 
 
+@verb
 def end(method, model, t, h, state, stages, work, carry):
     """Take the step from its stages, and write what is kept of them into the carry. Returns (status, body)."""
-    raise NotImplementedError("end() is for compiled code only")
-
-
-@overload(end, jit_options=OPTIONS)
-def _end(method, model, t, h, state, stages, work, carry):
     if is_close(method):
 
         def of_kicks(method, model, t, h, state, stages, work, carry):

@@ -6,8 +6,6 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import overload
-
 from orbits.integrators.canonical import combine
 from orbits.integrators.canonical_room import (
     CONTINUATION,
@@ -24,21 +22,18 @@ from orbits.integrators.canonical_room import (
 from orbits.integrators.collocation_particles import is_round_off
 from orbits.integrators.collocation_rows import HB, HC, HC_LO, is_close, place
 from orbits.kernels.acting import particle_acting, particle_momenta, particle_terms
-from orbits.kernels.binding import OPTIONS, dimension, field, field_close, first_term
+from orbits.kernels.binding import dimension, field, field_close, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE
 from orbits.kernels.lanes import fma, full, largest, load, store, total
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.summation import add_compensated, moved, two_sum
+from orbits.kernels.verbs import verb
 
 
+@verb
 def guess(method, table, carry, vx, vy, vz):
     """Return the velocities of the stages relative to that of the particle, as the step before lets expect them."""
-    raise NotImplementedError("guess() is for compiled code only")
-
-
-@overload(guess, jit_options=OPTIONS)
-def _guess(method, table, carry, vx, vy, vz):
     if is_close(method):
         return lambda method, table, carry, vx, vy, vz: (
             combine(table, CONTINUATION, carry, 0),
@@ -57,17 +52,13 @@ def _guess(method, table, carry, vx, vy, vz):
     return of_velocities
 
 
+@verb
 def pull(method, model, stages, places):
     """Return the acceleration by Newton's attractions of a particle at its stages; with low parts, also write their
     rates into the last row.
 
     places : 7 rows, the positions of the stages, their low parts, if any, and the rates
     """
-    raise NotImplementedError("pull() is for compiled code only")
-
-
-@overload(pull, jit_options=OPTIONS)
-def _pull(method, model, stages, places):
     if not is_close(method):
         return lambda method, model, stages, places: field(
             first_term(model.tag), model.parameters[0], stages.Q, load(places, 0), load(places, 1), load(places, 2)
@@ -88,15 +79,11 @@ def _pull(method, model, stages, places):
     return with_low_parts
 
 
+@verb
 def keep(method, table, room, v, W, G, D, carry):
     """Write what is kept of the stages into the carry: their velocities, or with low parts the kicks by which these are
     a polynomial.
     """
-    raise NotImplementedError("keep() is for compiled code only")
-
-
-@overload(keep, jit_options=OPTIONS)
-def _keep(method, table, room, v, W, G, D, carry):
     if is_close(method):
 
         def kicks(method, table, room, v, W, G, D, carry):

@@ -22,7 +22,6 @@ from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
-from numba.extending import overload
 
 from orbits.integrators.collocation_dense import dense, resolves, stretch
 from orbits.integrators.collocation_end import finish
@@ -47,7 +46,6 @@ from orbits.integrators.collocation_rows import (
 )
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.binding import (
-    OPTIONS,
     accelerate,
     accelerate_close,
     bodies,
@@ -77,18 +75,15 @@ from orbits.kernels.lanes import (
     store,
 )
 from orbits.kernels.steps import NOT_CONVERGED
+from orbits.kernels.verbs import verb
 from orbits.tableaux import SymplecticTableau
 
 ROUNDED = 1e-12
 """The rounding errors of integrals of up to 32 Lagrange polynomials, which are below 1."""
 
+@verb
 def attract(method, model, Q, r, block, lows, out):
     """Write the accelerations at the stages of register r."""
-    raise NotImplementedError("attract() is for compiled code only")
-
-
-@overload(attract, jit_options=OPTIONS)
-def _attract(method, model, Q, r, block, lows, out):
     if is_close(method):
         return lambda method, model, Q, r, block, lows, out: accelerate_close(
             model.tag,

@@ -4,8 +4,6 @@ massive bodies at their stages.
 
 from __future__ import annotations
 
-from numba.extending import overload
-
 from orbits.integrators.collocation_rows import (
     ETA,
     HB,
@@ -19,25 +17,22 @@ from orbits.integrators.collocation_rows import (
     place,
     registers,
 )
-from orbits.kernels.binding import OPTIONS, field, field_close, gross_field
+from orbits.kernels.binding import field, field_close, gross_field
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE, TIGHT
 from orbits.kernels.lanes import WIDTH, fma, full, largest, load, store, total
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.summation import add_compensated, moved, two_sum
+from orbits.kernels.verbs import verb
 
 
+@verb
 def pull(method, model, stages, r, block, lows, Q):
     """Return the acceleration of a particle at its stages of register r; with low parts, also write their rates into
     row 6 R + r of Q.
 
     Q : 3 R rows of positions, and their low parts, if any
     """
-    raise NotImplementedError("pull() is for compiled code only")
-
-
-@overload(pull, jit_options=OPTIONS)
-def _pull(method, model, stages, r, block, lows, Q):
     if not is_close(method):
 
         def plain(method, model, stages, r, block, lows, Q):
@@ -65,15 +60,11 @@ def _pull(method, model, stages, r, block, lows, Q):
     return with_low_parts
 
 
+@verb
 def is_round_off(method, model, h, stages, lows, Q, change):
     """Return whether a change of L is round-off of attractions on a particle that cancel; with low parts only, and for
     one register.
     """
-    raise NotImplementedError("is_round_off() is for compiled code only")
-
-
-@overload(is_round_off, jit_options=OPTIONS)
-def _is_round_off(method, model, h, stages, lows, Q, change):
     if not is_close(method):
         return lambda method, model, h, stages, lows, Q, change: False
 

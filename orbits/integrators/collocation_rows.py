@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from numba import types
-from numba.extending import overload
 
-from orbits.kernels.binding import OPTIONS, kernel_of
+from orbits.kernels.binding import kernel_of
 from orbits.kernels.lanes import WIDTH, fma, full, load, store
 from orbits.kernels.summation import two_sum
+from orbits.kernels.verbs import verb
 
 # Rows of the table of one register of stages, the stages in the lanes. ETA is the first of 8 R rows: row j holds column
 # j of the matrix; START follows, in the same form. NODES and WEIGHTS are c and b, BARYCENTRIC the weights of the
@@ -15,13 +15,9 @@ from orbits.kernels.summation import two_sum
 HC, HC_LO, HB, REST, NODES, WEIGHTS, BARYCENTRIC, LAST, ETA = 0, 1, 2, 3, 4, 5, 6, 7, 8
 
 
+@verb
 def registers(method):
     """Return R, a constant of the form."""
-    raise NotImplementedError("registers() is for compiled code only")
-
-
-@overload(registers, jit_options=OPTIONS)
-def _registers(method):
     count = kernel_of(method.types[0], "registers")
     return lambda method: count
 
@@ -31,26 +27,18 @@ def is_close(method):
     return bool(kernel_of(method.types[0], "close"))
 
 
+@verb
 def layers(method):
     """Return the number of rows of stages for each coordinate: 2 if their positions have low parts, else 1."""
-    raise NotImplementedError("layers() is for compiled code only")
-
-
-@overload(layers, jit_options=OPTIONS)
-def _layers(method):
     count = 2 if is_close(method) else 1
     return lambda method: count
 
 
+@verb
 def columns(method, table, first):
     """Return the matrix whose column j is row first + j of the table, as `combine` takes it: with one register the
     columns themselves, which then stay in registers for all coordinates; otherwise the number of its first row.
     """
-    raise NotImplementedError("columns() is for compiled code only")
-
-
-@overload(columns, jit_options=OPTIONS)
-def _columns(method, table, first):
     if kernel_of(method.types[0], "registers") > 1:
         return lambda method, table, first: first
     return lambda method, table, first: (
@@ -65,13 +53,9 @@ def _columns(method, table, first):
     )
 
 
+@verb
 def combine(matrix, R, table, rows, block, k):
     """Return sum_j column_j * rows[.., j] over R registers, whose rows are `block` apart."""
-    raise NotImplementedError("combine() is for compiled code only")
-
-
-@overload(combine, jit_options=OPTIONS)
-def _combine(matrix, R, table, rows, block, k):
     if isinstance(matrix, types.BaseTuple):
 
         def of_one(matrix, R, table, rows, block, k):
@@ -95,13 +79,9 @@ def _combine(matrix, R, table, rows, block, k):
     return of_several
 
 
+@verb
 def place(method, Q, at, lows, x, increment):
     """Write the position x + increment of eight stages into row `at`, and its low part, if any, `lows` rows later."""
-    raise NotImplementedError("place() is for compiled code only")
-
-
-@overload(place, jit_options=OPTIONS)
-def _place(method, Q, at, lows, x, increment):
     if not is_close(method):
         return lambda method, Q, at, lows, x, increment: store(Q, at, x + increment)
 

@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from numba.extending import overload
-
 from orbits.integrators.canonical import combine
 from orbits.integrators.canonical_bodies import CanonicalBodies, evaluate, guess, put
 from orbits.integrators.canonical_end import momenta
@@ -31,22 +29,19 @@ from orbits.integrators.canonical_room import (
 )
 from orbits.integrators.collocation_lengths import CANCELLED, TINY
 from orbits.integrators.collocation_rows import HB, HC, HC_LO, LAST, WEIGHTS, is_close
-from orbits.kernels.binding import OPTIONS, dimension, gross_attraction, kernel_of
+from orbits.kernels.binding import dimension, gross_attraction, kernel_of
 from orbits.kernels.chebyshev import ROW, Given, place_given
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import CONVERGED, LIMIT, NEAR_FLOOR, PATIENCE, judged, settled, unsettled_body
 from orbits.kernels.lanes import WIDTH, fma, full, largest, load, select, store, total, unit
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import moved
+from orbits.kernels.verbs import verb
 
 
+@verb
 def given_in(lagrangian, parameters):
     """Return what gives the motion of bodies, of a sum with a term that does."""
-    raise NotImplementedError("given_in() is for compiled code only")
-
-
-@overload(given_in, jit_options=OPTIONS)
-def _given_in(lagrangian, parameters):
     place = next(k for k, term in enumerate(lagrangian.terms) if kernel_of(term, "given"))
     return lambda lagrangian, parameters: Given(parameters[place][0], parameters[place][1], parameters[place][2])
 
@@ -145,15 +140,11 @@ def step_others(method, model, t, h, state, storage, held):
     return OK, 0, evaluations
 
 
+@verb
 def leave(method, table, stages, work, k, s, mass, carry):
     """Write into the carry what the next step begins with: the velocities of the stages, or the kicks by which they are
     a polynomial.
     """
-    raise NotImplementedError("leave() is for compiled code only")
-
-
-@overload(leave, jit_options=OPTIONS)
-def _leave(method, table, stages, work, k, s, mass, carry):
     if not is_close(method):
         return lambda method, table, stages, work, k, s, mass, carry: store(carry, k, load(stages.V, k))
 

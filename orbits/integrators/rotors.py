@@ -24,15 +24,15 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numba.extending import overload
 
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import OPTIONS, gradients, kernel_of
+from orbits.kernels.binding import gradients, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.rotation_pairs import changed
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import accumulate
+from orbits.kernels.verbs import verb
 from orbits.lagrangians.base import Lagrangian
 
 # What the carry has of each rotor, one after another: u, its low part, pi, its low part, r, 4 I_0, l, tau; then, of the
@@ -44,16 +44,12 @@ STILL = 2.0**-50
 """A length of q that changes by less than this fraction while the body turns by a radian is at rest: round-off."""
 
 
+@verb
 def turn(method, moments, h, attitude, momentum):
     """Return whether a turn is found, and the change of the unit quaternion of the attitude: (found, a, b, c, d).
 
     moments : (A, B, C); attitude : (a, b, c, d); momentum : in the axes of the body, (x, y, z)
     """
-    raise NotImplementedError("turn() is for compiled code only")
-
-
-@overload(turn, jit_options=OPTIONS)
-def _turn(method, moments, h, attitude, momentum):
     compiled = kernel_of(method.types[0], "turn")
     return compiled and (
         lambda method, moments, h, attitude, momentum: compiled(method, moments, h, attitude, momentum)
@@ -210,15 +206,11 @@ def add_to_attitude(carry, own, change):
     set_attitude(carry, own, changed(four(carry, own + U), four(carry, own + U_LO), change))
 
 
+@verb
 def turn_rotor(method, moments, h, carry, own):
     """Turn the rotor at `own` in the carry by the method's `turn`, or as the method itself does. Returns whether a turn
     is found.
     """
-    raise NotImplementedError("turn_rotor() is for compiled code only")
-
-
-@overload(turn_rotor, jit_options=OPTIONS)
-def _turn_rotor(method, moments, h, carry, own):
     compiled = kernel_of(method.types[0], "turn_rotor")
     if compiled is not None:
         return lambda method, moments, h, carry, own: compiled(method, moments, h, carry, own)

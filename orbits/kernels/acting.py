@@ -11,10 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
 from orbits.kernels.binding import (
-    OPTIONS,
     SumTag,
     SumType,
     Tag,
@@ -30,6 +29,7 @@ from orbits.kernels.central import add_central_force, central_particle_force
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, get, load, put, store, total
 from orbits.kernels.summation import add_compensated, compensated_row_sums
+from orbits.kernels.verbs import verb
 
 FIGURES = 7
 """The time integrals kept of a force: its work, its torque about the origin (3) and its impulse (3), times G."""
@@ -59,15 +59,11 @@ def forces_of(typingctx, tags):
     return SumType(tags.forces)(tags), lambda context, builder, signature, arguments: context.get_dummy_value()
 
 
+@verb
 def add_terms(lagrangian, parameters, t, q, v, f, p):
     """Add dL/dq and dL/dv of all terms except the first to f and p; vectors, or rows of eight stages with t in
     `Lanes`.
     """
-    raise NotImplementedError("add_terms() is for compiled code only")
-
-
-@overload(add_terms, jit_options=OPTIONS)
-def _add_terms(lagrangian, parameters, t, q, v, f, p):
     if len(lagrangian.terms) == 1:
         return lambda lagrangian, parameters, t, q, v, f, p: None
 
@@ -77,13 +73,9 @@ def _add_terms(lagrangian, parameters, t, q, v, f, p):
     return others
 
 
+@verb
 def add_momenta(lagrangian, parameters, t, q, v, f, p):
     """Add dL/dv of all terms except the first to p, as `add_terms` does to the same accuracy; f is workspace."""
-    raise NotImplementedError("add_momenta() is for compiled code only")
-
-
-@overload(add_momenta, jit_options=OPTIONS)
-def _add_momenta(lagrangian, parameters, t, q, v, f, p):
     if len(lagrangian.terms) == 1:
         return lambda lagrangian, parameters, t, q, v, f, p: None
 
@@ -93,26 +85,18 @@ def _add_momenta(lagrangian, parameters, t, q, v, f, p):
     return others
 
 
+@verb
 def inner_variables(lagrangian):
     """Return the number of internal variables of the forces of a sum."""
-    raise NotImplementedError("inner_variables() is for compiled code only")
-
-
-@overload(inner_variables, jit_options=OPTIONS)
-def _inner_variables(lagrangian):
     count = sum(kernel_of(force, "inner") or 0 for force in lagrangian.forces)
     return lambda lagrangian: count
 
 
+@verb
 def add_acting(lagrangian, parameters, t, q, v, y, f, rates):
     """Add the forces of a sum to f, and write the rates of their internal variables y; vectors, or rows of eight stages
     with t in `Lanes`.
     """
-    raise NotImplementedError("add_acting() is for compiled code only")
-
-
-@overload(add_acting, jit_options=OPTIONS)
-def _add_acting(lagrangian, parameters, t, q, v, y, f, rates):
     count = len(lagrangian.terms)
     if not lagrangian.forces:
         return lambda lagrangian, parameters, t, q, v, y, f, rates: None
@@ -123,15 +107,11 @@ def _add_acting(lagrangian, parameters, t, q, v, y, f, rates):
     return acting
 
 
+@verb
 def add_forces(tags, strength, parameters, t, q, v, y, f, rates):
     """Add forces without a Lagrangian, times G like dL/dq, to f, and write the rates of their internal variables y;
     vectors, or rows of eight stages.
     """
-    raise NotImplementedError("add_forces() is for compiled code only")
-
-
-@overload(add_forces, jit_options=OPTIONS)
-def _add_forces(tags, strength, parameters, t, q, v, y, f, rates):
     own, last = kernel_of(tags.terms[0], "inner") or 0, len(tags.terms) == 1
 
     def one(tags, strength, parameters, t, q, v, y, f, rates):
@@ -144,13 +124,9 @@ def _add_forces(tags, strength, parameters, t, q, v, y, f, rates):
     return one if last else these
 
 
+@verb
 def add_force(tags, strength, own, t, q, v, y, f, rates):
     """Add the first of several forces, and write the rates of its internal variables, the first ones in y."""
-    raise NotImplementedError("add_force() is for compiled code only")
-
-
-@overload(add_force, jit_options=OPTIONS)
-def _add_force(tags, strength, own, t, q, v, y, f, rates):
     force = kernel_of(tags.terms[0], "force")
     if force is None:
         return lambda tags, strength, own, t, q, v, y, f, rates: add_central_force(tags, strength, own, t, q, v, f)
@@ -159,13 +135,9 @@ def _add_force(tags, strength, own, t, q, v, y, f, rates):
     return lambda tags, strength, own, t, q, v, y, f, rates: force(strength, own, t, q, v, f)
 
 
+@verb
 def particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity):
     """Return the contributions of all terms except the first to dL/dx and dL/dv of a massless particle, six numbers."""
-    raise NotImplementedError("particle_terms() is for compiled code only")
-
-
-@overload(particle_terms, jit_options=OPTIONS)
-def _particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity):
     if len(lagrangian.terms) == 1:
 
         def nothing(lagrangian, parameters, t, sources, speeds, place, velocity):
@@ -181,13 +153,9 @@ def _particle_terms(lagrangian, parameters, t, sources, speeds, place, velocity)
     return others
 
 
+@verb
 def particle_momenta(lagrangian, parameters, t, sources, speeds, place, velocity):
     """Return the contributions of all terms except the first to dL/dv of a massless particle, three numbers."""
-    raise NotImplementedError("particle_momenta() is for compiled code only")
-
-
-@overload(particle_momenta, jit_options=OPTIONS)
-def _particle_momenta(lagrangian, parameters, t, sources, speeds, place, velocity):
     if len(lagrangian.terms) == 1:
 
         def nothing(lagrangian, parameters, t, sources, speeds, place, velocity):
@@ -203,13 +171,9 @@ def _particle_momenta(lagrangian, parameters, t, sources, speeds, place, velocit
     return others
 
 
+@verb
 def particle_acting(lagrangian, parameters, t, particle, sources, speeds, place, velocity):
     """Return the force per unit mass on massless particle number `particle`, three numbers."""
-    raise NotImplementedError("particle_acting() is for compiled code only")
-
-
-@overload(particle_acting, jit_options=OPTIONS)
-def _particle_acting(lagrangian, parameters, t, particle, sources, speeds, place, velocity):
     count = len(lagrangian.terms)
     if not lagrangian.forces:
 
@@ -226,15 +190,11 @@ def _particle_acting(lagrangian, parameters, t, particle, sources, speeds, place
     return acting
 
 
+@verb
 def total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
     """Return the sum of forces per unit mass, three numbers, on massless particle number `particle`, or on eight from
     that on in lanes.
     """
-    raise NotImplementedError("total_particle_force() is for compiled code only")
-
-
-@overload(total_particle_force, jit_options=OPTIONS)
-def _total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
     def one(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
         return particle_force(tags, strength, parameters[0], t, particle, sources, speeds, place, velocity)
 
@@ -246,13 +206,9 @@ def _total_particle_force(tags, strength, parameters, t, particle, sources, spee
     return one if len(tags.terms) == 1 else these
 
 
+@verb
 def particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
     """Return the first of several forces per unit mass on a massless particle, or on eight, three numbers."""
-    raise NotImplementedError("particle_force() is for compiled code only")
-
-
-@overload(particle_force, jit_options=OPTIONS)
-def _particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
     force = kernel_of(tags.terms[0], "particle_force")
 
     def central(tags, strength, own, t, particle, sources, speeds, place, velocity):
@@ -264,6 +220,7 @@ def _particle_force(tags, strength, own, t, particle, sources, speeds, place, ve
     return central if force is None else given
 
 
+@verb
 def account(lagrangian, parameters, weights, at, rows, rates, books):
     """Add the work, torque and impulse of each force of a sum on the massive bodies in a step to its two rows of
     `books`, and the changes of the internal variables to the rows that follow.
@@ -273,11 +230,6 @@ def account(lagrangian, parameters, weights, at, rows, rates, books):
     books : (2 forces, 8), for each force its `FIGURES` and their low parts; then the internal variables, eight in a
         row, and their low parts
     """
-    raise NotImplementedError("account() is for compiled code only")
-
-
-@overload(account, jit_options=OPTIONS)
-def _account(lagrangian, parameters, weights, at, rows, rates, books):
     count, forces = len(lagrangian.terms), len(lagrangian.forces)
     if not lagrangian.forces:
         return lambda lagrangian, parameters, weights, at, rows, rates, books: None
@@ -290,12 +242,8 @@ def _account(lagrangian, parameters, weights, at, rows, rates, books):
     return all_of_them
 
 
+@verb
 def _account_each(tags, strength, parameters, weights, at, rows, rates, books):
-    raise NotImplementedError("this is for compiled code only")
-
-
-@overload(_account_each, jit_options=OPTIONS)
-def _choose(tags, strength, parameters, weights, at, rows, rates, books):
     own, last = kernel_of(tags.terms[0], "inner") or 0, len(tags.terms) == 1
 
     def one(tags, strength, parameters, weights, at, rows, rates, books):

@@ -12,11 +12,12 @@ from typing import Any, NamedTuple
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
-from orbits.kernels.binding import OPTIONS, accelerate, accelerate_some, bodies
+from orbits.kernels.binding import accelerate, accelerate_some, bodies
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes.type import element_pointer
+from orbits.kernels.verbs import verb
 
 ARRIVED, CLAIMED, ABANDONED = 0, 8, 16
 """Indices of the counters, each in a cache line of its own."""
@@ -106,13 +107,9 @@ def claim(counters, threads, round_, count):
     return piece if 0 <= piece < count else count
 
 
+@verb
 def accelerate_shared(share, model, q, g):
     """Write the accelerations of all bodies, by one thread, or by several together."""
-    raise NotImplementedError("accelerate_shared() is for compiled code only")
-
-
-@overload(accelerate_shared, jit_options=OPTIONS)
-def _accelerate_shared(share, model, q, g):
     if isinstance(share.types[2], types.NoneType):
         return lambda share, model, q, g: accelerate(model.tag, model.parameters, q, g)
     return lambda share, model, q, g: accelerate_together(share.barrier, model, q, g)

@@ -16,16 +16,12 @@ from typing import Any
 
 from numba import types
 from numba.core.datamodel.models import OpaqueModel
-from numba.extending import NativeValue, intrinsic, overload, register_model, unbox
+from numba.extending import NativeValue, intrinsic, register_model, unbox
 
 from orbits.kernels.lanes import full, store
+from orbits.kernels.verbs import verb
 
 _KERNELS: dict[str, Mapping[str, Any]] = {}
-
-OPTIONS: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
-"""Options for functions that only lead to a kernel: they are inlined into their caller. As separate functions they
-would pass registers through memory.
-"""
 
 
 class Tag:
@@ -115,11 +111,8 @@ def adding(name, instead=None, optional=False):
     The kernels' arguments are the strengths of the bodies (the first term's parameters), the term's own, and the rest.
     """
 
+    @verb
     def each(tags, strength, parameters, *rest):
-        raise NotImplementedError("this is for compiled code only")
-
-    @overload(each, jit_options=OPTIONS)
-    def _each(tags, strength, parameters, *rest):
         compiled = kernel_of(tags.terms[0], name) or kernel_of(tags.terms[0], instead)
         if compiled is None and optional:
             if len(tags.terms) == 1:
@@ -145,11 +138,8 @@ def totalling(name, count, instead=None):
     instead : the name of the kernel to call of terms without such a one, of whose numbers the last `count` are taken
     """
 
+    @verb
     def total(tags, strength, parameters, *rest):
-        raise NotImplementedError("this is for compiled code only")
-
-    @overload(total, jit_options=OPTIONS)
-    def _total(tags, strength, parameters, *rest):
         compiled, skipped = kernel_of(tags.terms[0], name), 0
         if compiled is None and instead is not None:
             compiled, skipped = kernel_of(tags.terms[0], instead), count
@@ -177,13 +167,9 @@ def totalling(name, count, instead=None):
     return total
 
 
+@verb
 def plus(a, b):
     """Return the elementwise sum of two tuples."""
-    raise NotImplementedError("plus() is for compiled code only")
-
-
-@overload(plus, jit_options=OPTIONS)
-def _plus(a, b):
     if len(a) == 3:
         return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2])
     return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5])
@@ -205,13 +191,9 @@ total_particle_gradients = totalling("particle_gradients", 6)
 total_particle_momenta = totalling("particle_momenta", 3, instead="particle_gradients")
 
 
+@verb
 def dimension(lagrangian, parameters):
     """Return the number of coordinates."""
-    raise NotImplementedError("dimension() is for compiled code only")
-
-
-@overload(dimension, jit_options=OPTIONS)
-def _dimension(lagrangian, parameters):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters: dimension(first_term(lagrangian), parameters[0])
     compiled = kernel_of(lagrangian, "dimension")
@@ -220,28 +202,20 @@ def _dimension(lagrangian, parameters):
     return compiled and (lambda lagrangian, parameters: compiled(parameters))
 
 
+@verb
 def bodies(lagrangian, parameters):
     """Return the number of bodies of three coordinates each, all x first; 0 if the coordinates are not those of
     bodies.
     """
-    raise NotImplementedError("bodies() is for compiled code only")
-
-
-@overload(bodies, jit_options=OPTIONS)
-def _bodies(lagrangian, parameters):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters: bodies(first_term(lagrangian), parameters[0])
     compiled = kernel_of(lagrangian, "bodies")
     return (lambda lagrangian, parameters: compiled(parameters)) if compiled else (lambda lagrangian, parameters: 0)
 
 
+@verb
 def value(lagrangian, parameters, t, q, v):
     """Return L(q, v, t): float64 for vectors, `Lanes` for rows of eight stages (t is then `Lanes`)."""
-    raise NotImplementedError("value() is for compiled code only")
-
-
-@overload(value, jit_options=OPTIONS)
-def _value(lagrangian, parameters, t, q, v):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, t, q, v):
@@ -253,13 +227,9 @@ def _value(lagrangian, parameters, t, q, v):
     return compiled and (lambda lagrangian, parameters, t, q, v: compiled(parameters, t, q, v))
 
 
+@verb
 def gradients(lagrangian, parameters, t, q, v, f, p):
     """Write dL/dq(q, v, t) into f and dL/dv(q, v, t) into p; vectors, or rows of eight stages with t in `Lanes`."""
-    raise NotImplementedError("gradients() is for compiled code only")
-
-
-@overload(gradients, jit_options=OPTIONS)
-def _gradients(lagrangian, parameters, t, q, v, f, p):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, t, q, v, f, p):
@@ -271,13 +241,9 @@ def _gradients(lagrangian, parameters, t, q, v, f, p):
     return compiled and (lambda lagrangian, parameters, t, q, v, f, p: compiled(parameters, t, q, v, f, p))
 
 
+@verb
 def hessians(lagrangian, parameters, t, q, v, out):
     """Write d2L/dq dq, d2L/dq dv and d2L/dv dv, each d x d row by row, into `out`: 3 d^2 elements or rows."""
-    raise NotImplementedError("hessians() is for compiled code only")
-
-
-@overload(hessians, jit_options=OPTIONS)
-def _hessians(lagrangian, parameters, t, q, v, out):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, t, q, v, out):
@@ -289,16 +255,12 @@ def _hessians(lagrangian, parameters, t, q, v, out):
     return compiled and (lambda lagrangian, parameters, t, q, v, out: compiled(parameters, t, q, v, out))
 
 
+@verb
 def tides(lagrangian, parameters, q, some, out):
     """Write the derivatives of the accelerations of some bodies by their positions; of the first term of a sum alone.
 
     some : (m,) int64, their numbers in ascending order; out : (3m, 3m)
     """
-    raise NotImplementedError("tides() is for compiled code only")
-
-
-@overload(tides, jit_options=OPTIONS)
-def _tides(lagrangian, parameters, q, some, out):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters, q, some, out: tides(
             first_term(lagrangian), parameters[0], q, some, out
@@ -307,13 +269,9 @@ def _tides(lagrangian, parameters, q, some, out):
     return compiled and (lambda lagrangian, parameters, q, some, out: compiled(parameters, q, some, out))
 
 
+@verb
 def accelerate(lagrangian, parameters, q, out):
     """Write the accelerations g(q) of all coordinates into `out`; padded vectors (d + 8,), or rows of eight stages."""
-    raise NotImplementedError("accelerate() is for compiled code only")
-
-
-@overload(accelerate, jit_options=OPTIONS)
-def _accelerate(lagrangian, parameters, q, out):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, q, out):
@@ -326,15 +284,11 @@ def _accelerate(lagrangian, parameters, q, out):
     return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))
 
 
+@verb
 def accelerate_close(lagrangian, parameters, q, q_lo, out):
     """As `accelerate` for rows of eight stages, with positions (q, q_lo) in doubled precision; without a kernel for
     that, only q is used.
     """
-    raise NotImplementedError("accelerate_close() is for compiled code only")
-
-
-@overload(accelerate_close, jit_options=OPTIONS)
-def _accelerate_close(lagrangian, parameters, q, q_lo, out):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, q, q_lo, out):
@@ -349,6 +303,7 @@ def _accelerate_close(lagrangian, parameters, q, q_lo, out):
     return lambda lagrangian, parameters, q, q_lo, out: compiled(parameters, q, q_lo, out)
 
 
+@verb
 def accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
     """Write the accelerations at rows of eight stages, positions and accelerations being pairs in doubled precision.
 
@@ -356,11 +311,6 @@ def accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
     Without a kernel for that, q_lo is not used, and out_lo is zero. What other terms of a sum give is of float64
     numbers.
     """
-    raise NotImplementedError("accelerate_finely() is for compiled code only")
-
-
-@overload(accelerate_finely, jit_options=OPTIONS)
-def _accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
     several = isinstance(lagrangian, SumType)
     add_finely = kernel_of(lagrangian.terms[0] if several else lagrangian, "add_finely")
     if add_finely is None:
@@ -390,41 +340,29 @@ def _accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
     return alone
 
 
+@verb
 def dynamical_rate(lagrangian, parameters, q, v):
     """Return the square of the largest dynamical rate, 1 / (dynamical time)^2, and its time derivative."""
-    raise NotImplementedError("dynamical_rate() is for compiled code only")
-
-
-@overload(dynamical_rate, jit_options=OPTIONS)
-def _dynamical_rate(lagrangian, parameters, q, v):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters, q, v: dynamical_rate(first_term(lagrangian), parameters[0], q, v)
     compiled = kernel_of(lagrangian, "dynamical_rate")
     return compiled and (lambda lagrangian, parameters, q, v: compiled(parameters, q, v))
 
 
+@verb
 def gross_attraction(lagrangian, parameters, q, i):
     """Return the sum of the magnitudes of the attractions on body i, whose vectors may cancel."""
-    raise NotImplementedError("gross_attraction() is for compiled code only")
-
-
-@overload(gross_attraction, jit_options=OPTIONS)
-def _gross_attraction(lagrangian, parameters, q, i):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters, q, i: gross_attraction(first_term(lagrangian), parameters[0], q, i)
     compiled = kernel_of(lagrangian, "gross_attraction")
     return compiled and (lambda lagrangian, parameters, q, i: compiled(parameters, q, i))
 
 
+@verb
 def accelerate_some(lagrangian, parameters, q, out, start, stop):
     """Write the accelerations of bodies start ... stop - 1 only, bit for bit as `accelerate`; start is a multiple of
     8.
     """
-    raise NotImplementedError("accelerate_some() is for compiled code only")
-
-
-@overload(accelerate_some, jit_options=OPTIONS)
-def _accelerate_some(lagrangian, parameters, q, out, start, stop):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, q, out, start, stop):
@@ -436,13 +374,9 @@ def _accelerate_some(lagrangian, parameters, q, out, start, stop):
     return compiled and (lambda lagrangian, parameters, q, out, start, stop: compiled(parameters, q, out, start, stop))
 
 
+@verb
 def field(lagrangian, parameters, sources, x, y, z):
     """Return the acceleration (ax, ay, az) of a massless particle at (x, y, z) in the field of `sources`."""
-    raise NotImplementedError("field() is for compiled code only")
-
-
-@overload(field, jit_options=OPTIONS)
-def _field(lagrangian, parameters, sources, x, y, z):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, sources, x, y, z):
@@ -455,15 +389,11 @@ def _field(lagrangian, parameters, sources, x, y, z):
     return compiled and (lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z))
 
 
+@verb
 def field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
     """As `field`, for positions in doubled precision, with the square of the dynamical rate there: (ax, ay, az, S);
     without a kernel for that, only the high parts are used, and S is 0.
     """
-    raise NotImplementedError("field_close() is for compiled code only")
-
-
-@overload(field_close, jit_options=OPTIONS)
-def _field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, sources, sources_lo, place, place_lo):
@@ -487,13 +417,9 @@ def _field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
     )
 
 
+@verb
 def rate_at(lagrangian, parameters, sources, place):
     """Return the square of the dynamical rate of a massless particle at a place; of the first term of a sum alone."""
-    raise NotImplementedError("rate_at() is for compiled code only")
-
-
-@overload(rate_at, jit_options=OPTIONS)
-def _rate_at(lagrangian, parameters, sources, place):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters, sources, place: rate_at(
             first_term(lagrangian), parameters[0], sources, place
@@ -503,13 +429,9 @@ def _rate_at(lagrangian, parameters, sources, place):
     )[3]
 
 
+@verb
 def gross_field(lagrangian, parameters, sources, x, y, z):
     """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel."""
-    raise NotImplementedError("gross_field() is for compiled code only")
-
-
-@overload(gross_field, jit_options=OPTIONS)
-def _gross_field(lagrangian, parameters, sources, x, y, z):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters, sources, x, y, z: gross_field(
             first_term(lagrangian), parameters[0], sources, x, y, z
@@ -520,17 +442,13 @@ def _gross_field(lagrangian, parameters, sources, x, y, z):
     return lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z)
 
 
+@verb
 def particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):
     """Return (dL/dx, dL/dv), six numbers, of the Lagrangian of a massless particle per unit mass.
 
     sources, speeds : positions and velocities of the massive bodies, (3n,) or (3n, 8), at the time t
     place, velocity : (x, y, z) and (vx, vy, vz) of the particle; float64 or `Lanes`
     """
-    raise NotImplementedError("particle_gradients() is for compiled code only")
-
-
-@overload(particle_gradients, jit_options=OPTIONS)
-def _particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):
     if isinstance(lagrangian, SumType):
 
         def summed(lagrangian, parameters, t, sources, speeds, place, velocity):

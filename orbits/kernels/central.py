@@ -15,21 +15,22 @@ with one coefficient for every massive body, one for every massless particle and
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS, kernel_of
+from orbits.kernels.binding import kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import LanesType, get, load, put
+from orbits.kernels.verbs import INLINED, verb
 
 SOURCE, BLOCK, OWN = 0, 1, 2
 """Indices of the row of the source, of the length of a block, and of the first number of the force itself."""
 
-APART: Any = {**OPTIONS, "forceinline": False}
+APART: Any = {**INLINED, "forceinline": False}
 """Options for a function of its own: its products are not to be fused with the sums over forces."""
 
 
+@verb
 def coefficient(own, offset, particle, sources, x):
     """Return the coefficient of a particle, from the vector of a force, which has one for each particle from `offset`
     on; or `Lanes` of eight coefficients for eight particles in lanes.
@@ -37,11 +38,6 @@ def coefficient(own, offset, particle, sources, x):
     sources : the positions of the massive bodies, (3n,), or (3n, 8) at the stages of one particle
     x : the x coordinate of the particles
     """
-    raise NotImplementedError("coefficient() is for compiled code only")
-
-
-@overload(coefficient, jit_options=OPTIONS)
-def _coefficient(own, offset, particle, sources, x):
     if isinstance(x, LanesType) and sources.ndim == 1:
         return lambda own, offset, particle, sources, x: load(own, offset + particle)
     return lambda own, offset, particle, sources, x: own[offset + particle]
@@ -67,13 +63,9 @@ def push(f, i, n, weight, a):
     put(f, 2 * n + i, get(f, 2 * n + i) + weight * a[2])
 
 
+@verb
 def add_central_force(tags, strength, own, t, q, v, f):
     """Add the first of several forces, which has a kernel `acceleration`, to f."""
-    raise NotImplementedError("add_central_force() is for compiled code only")
-
-
-@overload(add_central_force, jit_options=OPTIONS)
-def _add_central_force(tags, strength, own, t, q, v, f):
     force = tags.terms[0]
     acceleration, first = kernel_of(force, "acceleration"), OWN + kernel_of(force, "numbers")
     single = kernel_of(force, "coefficients") == 1
@@ -89,13 +81,9 @@ def _add_central_force(tags, strength, own, t, q, v, f):
     return all_of_them
 
 
+@partial(verb, options=APART)
 def central_particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
     """Return the first of several forces, which has a kernel `acceleration`, on a massless particle or eight."""
-    raise NotImplementedError("central_particle_force() is for compiled code only")
-
-
-@overload(central_particle_force, jit_options=APART)
-def _central_particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
     force = tags.terms[0]
     acceleration, first = kernel_of(force, "acceleration"), OWN + kernel_of(force, "numbers")
     single = kernel_of(force, "coefficients") == 1
@@ -110,13 +98,9 @@ def _central_particle_force(tags, strength, own, t, particle, sources, speeds, p
     return found
 
 
+@verb
 def _of_body(tags, own, first, i):
     """Return the coefficients of a body, a tuple; first : the index of the first block."""
-    raise NotImplementedError("_of_body() is for compiled code only")
-
-
-@overload(_of_body, jit_options=OPTIONS)
-def _choose_of_body(tags, own, first, i):
     if kernel_of(tags.terms[0], "coefficients") == 1:
         return lambda tags, own, first, i: (own[first + i],)
 
@@ -127,13 +111,9 @@ def _choose_of_body(tags, own, first, i):
     return three
 
 
+@verb
 def _of_particle(tags, own, first, particle, sources, x):
     """Return the coefficients of a particle, or of eight, a tuple; first : the index of the first one."""
-    raise NotImplementedError("_of_particle() is for compiled code only")
-
-
-@overload(_of_particle, jit_options=OPTIONS)
-def _choose_of_particle(tags, own, first, particle, sources, x):
     if kernel_of(tags.terms[0], "coefficients") == 1:
         return lambda tags, own, first, particle, sources, x: (coefficient(own, first, particle, sources, x),)
 
@@ -148,11 +128,7 @@ def _choose_of_particle(tags, own, first, particle, sources, x):
     return three
 
 
+@verb
 def _acts(A):
     """Return whether one of several coefficients is not zero."""
-    raise NotImplementedError("_acts() is for compiled code only")
-
-
-@overload(_acts, jit_options=OPTIONS)
-def _choose_acts(A):
     return (lambda A: A[0] != 0.0) if len(A) == 1 else (lambda A: A[0] != 0.0 or A[1] != 0.0 or A[2] != 0.0)

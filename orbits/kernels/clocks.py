@@ -16,11 +16,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS, Tag, kernel_of
+from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.steps import step
+from orbits.kernels.verbs import verb
 
 
 class Clock(NamedTuple):
@@ -31,24 +30,16 @@ class Clock(NamedTuple):
     room: Any
 
 
+@verb
 def step_of(clock, k):
     """Return the time at which step k of a block begins, and its length."""
-    raise NotImplementedError("step_of() is for compiled code only")
-
-
-@overload(step_of, jit_options=OPTIONS)
-def _step_of(clock, k):
     compiled = kernel_of(clock.types[0], "step_of")
     return compiled and (lambda clock, k: compiled(clock, k))
 
 
+@verb
 def take_step(clock, method, model, k, state, storage):
     """Take step k of a block. Returns (status, where, evaluations)."""
-    raise NotImplementedError("take_step() is for compiled code only")
-
-
-@overload(take_step, jit_options=OPTIONS)
-def _take_step(clock, method, model, k, state, storage):
     compiled = kernel_of(clock.types[0], "take_step")
     return compiled and (
         lambda clock, method, model, k, state, storage: compiled(clock, method, model, k, state, storage)

@@ -23,46 +23,33 @@ again, with a partial step's own coefficients. `stretch`, `dense` and `resolves`
 
 from __future__ import annotations
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS, dimension, kernel_of
+from orbits.kernels.binding import dimension, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, enter, leave, part
 from orbits.kernels.summation import two_sum
+from orbits.kernels.verbs import verb
 
 
+@verb
 def dense(method, h, q, v, kicks, theta, out_q, out_v):
     """Write q and v at the fraction theta of a step of h that began at q and v and left `kicks` in the carry."""
-    raise NotImplementedError("dense() is for compiled code only")
-
-
-@overload(dense, jit_options=OPTIONS)
-def _dense(method, h, q, v, kicks, theta, out_q, out_v):
     compiled = kernel_of(method.types[0], "dense")
     return compiled and (
         lambda method, h, q, v, kicks, theta, out_q, out_v: compiled(method, h, q, v, kicks, theta, out_q, out_v)
     )
 
 
+@verb
 def resolves(method, h, q, kicks, bodies):
     """Return whether the polynomial through the forces of a step is as good as a partial step."""
-    raise NotImplementedError("resolves() is for compiled code only")
-
-
-@overload(resolves, jit_options=OPTIONS)
-def _resolves(method, h, q, kicks, bodies):
     compiled = kernel_of(method.types[0], "resolves")
     return compiled and (lambda method, h, q, kicks, bodies: compiled(method, h, q, kicks, bodies))
 
 
+@verb
 def stretch(method, unit, factor):
     """Write the coefficients of steps `factor` times as long as those of `unit`; nothing for methods without it."""
-    raise NotImplementedError("stretch() is for compiled code only")
-
-
-@overload(stretch, jit_options=OPTIONS)
-def _stretch(method, unit, factor):
     compiled = kernel_of(method.types[0], "stretch")
     if compiled is None:
         return lambda method, unit, factor: None

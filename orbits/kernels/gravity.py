@@ -10,9 +10,7 @@ from __future__ import annotations
 import math
 
 from numba import types
-from numba.extending import overload
 
-from orbits.kernels.binding import OPTIONS
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import (
     WIDTH,
@@ -28,6 +26,7 @@ from orbits.kernels.lanes import (
     total,
     unit,
 )
+from orbits.kernels.verbs import verb
 
 TILE = 128
 """Number of partners that are summed separately before their sum is added to a body's."""
@@ -102,23 +101,15 @@ def _add_pairs(strength, q, q_lo, without, out):
         put(out, 2 * n + i, az)
 
 
+@verb
 def _low(q_lo, k):
     """Return low part k, or None without low parts."""
-    raise NotImplementedError("this is for compiled code only")
-
-
-@overload(_low, jit_options=OPTIONS)
-def _choose_low(q_lo, k):
     return (lambda q_lo, k: None) if isinstance(q_lo, types.NoneType) else (lambda q_lo, k: get(q_lo, k))
 
 
+@verb
 def _apart(q, q_lo, k, x, x_lo):
     """Return coordinate k minus (x, x_lo)."""
-    raise NotImplementedError("this is for compiled code only")
-
-
-@overload(_apart, jit_options=OPTIONS)
-def _choose_apart(q, q_lo, k, x, x_lo):
     if isinstance(q_lo, types.NoneType):
         return lambda q, q_lo, k, x, x_lo: get(q, k) - x
     return lambda q, q_lo, k, x, x_lo: (get(q, k) - x) + (get(q_lo, k) - x_lo)

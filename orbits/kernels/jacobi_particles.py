@@ -27,9 +27,6 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import (
     ATTRACTING,
@@ -68,6 +65,7 @@ from orbits.kernels.terms_about import (
     pull_more,
     strength_of,
 )
+from orbits.kernels.verbs import verb
 from orbits.kernels.watch import flat
 
 MEMORY_ROWS = 2
@@ -198,13 +196,9 @@ def of_places(line, first, kind, marched, rows):
     return _gathered(line, first + kind, number, rows)
 
 
+@verb
 def _gathered(line, first, number, rows):
     """Return the first six numbers of every third row from `first` on: of row i of these where `number` is i."""
-    raise NotImplementedError("_gathered() is for compiled code only")
-
-
-@overload(_gathered, jit_options=OPTIONS)
-def _choose(line, first, number, rows):
     gathered = _gathered_pair if number == pair else _gathered_lanes
     return lambda line, first, number, rows: gathered(line, first, number, rows)
 

@@ -4,9 +4,6 @@
 
 from __future__ import annotations
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import (
     ATTRACTING,
@@ -50,6 +47,7 @@ from orbits.kernels.terms_about import (
     to_momenta,
     to_velocities,
 )
+from orbits.kernels.verbs import verb
 from orbits.kernels.watch import flat
 
 
@@ -109,13 +107,9 @@ def flow_rows(planets):
     return 2 * table_rows(planets)
 
 
+@verb
 def flowing_particles(model, table, first, marched, rows, h):
     """Return particles after h in the flow of terms of the dominant body; see `orbits.kernels.terms_about`."""
-    raise NotImplementedError("flowing_particles() is for compiled code only")
-
-
-@overload(flowing_particles, jit_options=OPTIONS)
-def _overloaded_flow(model, table, first, marched, rows, h):
     if not depends_on_velocities(model):
         return lambda model, table, first, marched, rows, h: marched
     return lambda model, table, first, marched, rows, h: _flowing(model, table, first, marched, rows, h)
@@ -155,13 +149,9 @@ def _rates(model, table, first, marched, rows, half, known):
     )  # fmt: skip
 
 
+@verb
 def change_momenta(model, table, particles, sign):
     """Change the velocities of particles to momenta for sign = -1, or back for sign = 1, with the table for it."""
-    raise NotImplementedError("change_momenta() is for compiled code only")
-
-
-@overload(change_momenta, jit_options=OPTIONS)
-def _change_momenta(model, table, particles, sign):
     if not depends_on_velocities(model):
         return lambda model, table, particles, sign: None
     return lambda model, table, particles, sign: _change_all(model, table, particles, sign)

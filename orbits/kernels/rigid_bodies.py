@@ -26,13 +26,14 @@ Source: Maciejewski (1995), Celest. Mech. 63, 1, to the second degree; MacCullag
 
 from __future__ import annotations
 
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
-from orbits.kernels.binding import OPTIONS, SumType, Tag, accelerate, field, first_term
+from orbits.kernels.binding import SumType, Tag, accelerate, field, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, load, rsqrt_cubed, unit
 from orbits.kernels.rotation_pairs import turned_freely
 from orbits.kernels.summation import accumulate
+from orbits.kernels.verbs import verb
 
 COUNT, PLACE, BLOCK, FIRST = range(4)
 """Indices of the parameters."""
@@ -52,26 +53,18 @@ def _terms_of(typingctx, tags):
     return SumType(tags.terms)(tags), lambda context, builder, signature, arguments: context.get_dummy_value()
 
 
+@verb
 def accelerate_by_terms(tags, parameters, q, out):
     """Write the accelerations of all bodies by the terms of a sum, of positions alone."""
-    raise NotImplementedError("accelerate_by_terms() is for compiled code only")
-
-
-@overload(accelerate_by_terms, jit_options=OPTIONS)
-def _accelerate_by_terms(tags, parameters, q, out):
     count = len(tags.terms)
     if count == 1:
         return lambda tags, parameters, q, out: accelerate(first_term(tags), parameters[0], q, out)
     return lambda tags, parameters, q, out: accelerate(_terms_of(tags), parameters[:count], q, out)
 
 
+@verb
 def field_of_terms(tags, parameters, sources, x, y, z):
     """Return the acceleration of massless particles by the terms of a sum."""
-    raise NotImplementedError("field_of_terms() is for compiled code only")
-
-
-@overload(field_of_terms, jit_options=OPTIONS)
-def _field_of_terms(tags, parameters, sources, x, y, z):
     count = len(tags.terms)
     if count == 1:
         return lambda tags, parameters, sources, x, y, z: field(first_term(tags), parameters[0], sources, x, y, z)

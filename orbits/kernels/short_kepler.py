@@ -20,12 +20,10 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS
 from orbits.kernels.compile import kernel
 from orbits.kernels.kepler import SIXTH, SIXTH_REST, kepler_increments
 from orbits.kernels.lanes import any_lane, fma, halves, joined, pair, select, sqrt
+from orbits.kernels.verbs import verb
 
 EVEN = tuple(1.0 / math.factorial(2 * k + 2) for k in range(7, 0, -1))
 ODD = tuple(1.0 / math.factorial(2 * k + 3) for k in range(7, 0, -1))
@@ -77,13 +75,9 @@ def _in_a_pair(short, found, x, y, z, vx, vy, vz, gm, dt):
     return dx, dy, dz, joined(one[3], two[3]), joined(one[4], two[4]), joined(one[5], two[5])
 
 
+@verb
 def _corrected(short, found, x, y, z, vx, vy, vz, gm, dt):
     """Return `found`, with `kepler_increments` in the lanes in which `short` is 0."""
-    raise NotImplementedError("_corrected() is for compiled code only")
-
-
-@overload(_corrected, jit_options=OPTIONS)
-def _choose(short, found, x, y, z, vx, vy, vz, gm, dt):
     corrected = _in_a_pair if short == pair else _in_lanes
     return lambda short, found, x, y, z, vx, vy, vz, gm, dt: corrected(short, found, x, y, z, vx, vy, vz, gm, dt)
 

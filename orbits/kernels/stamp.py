@@ -4,7 +4,7 @@ Numba's disk cache looks at the file of the function it compiles, not at the fil
 after an edit in `gravity.py` a loop cached from `gauss.py` would go on computing the old digits. Every cache entry is
 therefore stamped with this hash. It covers syntax trees, without docstrings, comments and formatting, of
 
-* the files that hold kernels: they import Numba, LLVM, `kernel` or `Tag`, or write modules of kernels;
+* the files that hold kernels: they import Numba, LLVM, `kernel`, `verb` or `Tag`, or write modules of kernels;
 * values that these files import from other files of the package and that compiled code freezes: constants, members of
   enumerations, and their parts;
 * NamedTuples, whose fields compiled code accesses by position.
@@ -36,8 +36,9 @@ GENERATORS = "lagrangians/symbolic/"
 """The files in this folder write modules of kernels."""
 
 COMPILERS = frozenset({"numba", "llvmlite"})
-GENERATING = {("numba.extending", "overload"), ("numba.extending", "intrinsic"), ("llvmlite", "ir")}
-MARKS = {("orbits.kernels.compile", "kernel"), ("orbits.kernels.binding", "Tag")}
+VERB = ("orbits.kernels.verbs", "verb")
+GENERATING = {VERB, ("numba.extending", "overload"), ("numba.extending", "intrinsic"), ("llvmlite", "ir")}
+MARKS = {VERB, ("orbits.kernels.compile", "kernel"), ("orbits.kernels.binding", "Tag")}
 FROZEN_CLASSES = ("NamedTuple", "namedtuple", "Enum", "Flag")
 """Endings of the names of base classes whose subclasses compiled code looks into."""
 

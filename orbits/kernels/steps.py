@@ -41,11 +41,10 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS, kernel_of
+from orbits.kernels.binding import kernel_of
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import record_strip
+from orbits.kernels.verbs import verb
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """The status of a step."""
@@ -143,78 +142,54 @@ class Storage(NamedTuple):
     share: Any
 
 
+@verb
 def begin(method, model, t, h, state, storage):
     """Compute what is derived from the state; does nothing for a method without `begin`."""
-    raise NotImplementedError("begin() is for compiled code only")
-
-
-@overload(begin, jit_options=OPTIONS)
-def _begin(method, model, t, h, state, storage):
     compiled = _kernel(method, "begin")
     if compiled is None:
         return lambda method, model, t, h, state, storage: None
     return lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage)
 
 
+@verb
 def step(method, model, t, h, state, storage):
     """Take one step. Returns (status, where, evaluations)."""
-    raise NotImplementedError("step() is for compiled code only")
-
-
-@overload(step, jit_options=OPTIONS)
-def _step(method, model, t, h, state, storage):
     compiled = _kernel(method, "step")
     return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
 
 
+@verb
 def enter(method, model, h, state, storage):
     """Compute what is marched from what is seen; does nothing for a method that marches this."""
-    raise NotImplementedError("enter() is for compiled code only")
-
-
-@overload(enter, jit_options=OPTIONS)
-def _enter(method, model, h, state, storage):
     compiled = _kernel(method, "enter")
     if compiled is None:
         return lambda method, model, h, state, storage: None
     return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
 
 
+@verb
 def leave(method, model, h, state, storage):
     """Compute what is seen from what is marched; does nothing for a method that marches this."""
-    raise NotImplementedError("leave() is for compiled code only")
-
-
-@overload(leave, jit_options=OPTIONS)
-def _leave(method, model, h, state, storage):
     compiled = _kernel(method, "leave")
     if compiled is None:
         return lambda method, model, h, state, storage: None
     return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
 
 
+@verb
 def show(method, model, state, storage):
     """Compute what observers see; does nothing for a method that marches what is seen."""
-    raise NotImplementedError("show() is for compiled code only")
-
-
-@overload(show, jit_options=OPTIONS)
-def _show(method, model, state, storage):
     compiled = _kernel(method, "show")
     if compiled is None:
         return lambda method, model, state, storage: None
     return lambda method, model, state, storage: compiled(method, model, state, storage)
 
 
+@verb
 def record(method, model, state, storage, path, row):
     """Write what observers see into a row of `path`, (rows * 2 * padded,), see `orbits.kernels.paths`; for methods with
     a kernel `trace`, from which they compute it.
     """
-    raise NotImplementedError("record() is for compiled code only")
-
-
-@overload(record, jit_options=OPTIONS)
-def _record(method, model, state, storage, path, row):
     traced, compiled = _kernel(method, "trace"), _kernel(method, "show")
     if traced is not None:
         return lambda method, model, state, storage, path, row: traced(method, model, state, storage, path, row)
@@ -233,109 +208,73 @@ def _record(method, model, state, storage, path, row):
     return show_in_path
 
 
+@verb
 def prepare(method, h, before, storage):
     """Write the coefficients of a step of h that follows one of `before`."""
-    raise NotImplementedError("prepare() is for compiled code only")
-
-
-@overload(prepare, jit_options=OPTIONS)
-def _prepare(method, h, before, storage):
     compiled = _kernel(method, "prepare")
     return compiled and (lambda method, h, before, storage: compiled(method, h, before, storage))
 
 
+@verb
 def end_late(method, by):
     """Tell a method by how much the end of its next step is later than t + h, as the clock rounds; for one that needs
     to know.
     """
-    raise NotImplementedError("end_late() is for compiled code only")
-
-
-@overload(end_late, jit_options=OPTIONS)
-def _end_late(method, by):
     compiled = _kernel(method, "end_late")
     return (lambda method, by: compiled(method, by)) if compiled else (lambda method, by: None)
 
 
+@verb
 def signal(method, model, h, state, storage):
     """Return the fraction of the forces that the step just taken did not resolve."""
-    raise NotImplementedError("signal() is for compiled code only")
-
-
-@overload(signal, jit_options=OPTIONS)
-def _signal(method, model, h, state, storage):
     compiled = _kernel(method, "signal")
     return compiled and (lambda method, model, h, state, storage: compiled(method, model, h, state, storage))
 
 
+@verb
 def elapsed(method, state, storage):
     """Return the time that the step just taken took, as a pair in doubled precision."""
-    raise NotImplementedError("elapsed() is for compiled code only")
-
-
-@overload(elapsed, jit_options=OPTIONS)
-def _elapsed(method, state, storage):
     compiled = _kernel(method, "elapsed")
     return compiled and (lambda method, state, storage: compiled(method, state, storage))
 
 
+@verb
 def part(method, model, t, h, state, storage):
     """Take a step that takes the time h. Returns (status, where, evaluations)."""
-    raise NotImplementedError("part() is for compiled code only")
-
-
-@overload(part, jit_options=OPTIONS)
-def _part(method, model, t, h, state, storage):
     compiled = _kernel(method, "part") or _kernel(method, "step")
     return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
 
 
+@verb
 def begin_particles(method, model, particles, storage):
     """Return the carry of particles at the beginning of a block of steps; by default their rows of `storage.carry`."""
-    raise NotImplementedError("begin_particles() is for compiled code only")
-
-
-@overload(begin_particles, jit_options=OPTIONS)
-def _begin_particles(method, model, particles, storage):
     compiled = _kernel(method, "begin_particles")
     if compiled is None:
         return lambda method, model, particles, storage: storage.carry
     return lambda method, model, particles, storage: compiled(method, model, particles, storage)
 
 
+@verb
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of massless particles. Returns (particles, carry, status, evaluations)."""
-    raise NotImplementedError("step_particles() is for compiled code only")
-
-
-@overload(step_particles, jit_options=OPTIONS)
-def _step_particles(method, model, t, h, particles, carry, storage):
     compiled = _kernel(method, "step_particles")
     return compiled and (
         lambda method, model, t, h, particles, carry, storage: compiled(method, model, t, h, particles, carry, storage)
     )
 
 
+@verb
 def keep_particles(method, carry, storage):
     """Keep the carry of eight particles at the end of a block; by default it is lost."""
-    raise NotImplementedError("keep_particles() is for compiled code only")
-
-
-@overload(keep_particles, jit_options=OPTIONS)
-def _keep_particles(method, carry, storage):
     compiled = _kernel(method, "keep_particles")
     if compiled is None:
         return lambda method, carry, storage: None
     return lambda method, carry, storage: compiled(method, carry, storage)
 
 
+@verb
 def begin_pair(method, model, one, two, storages):
     """Return the carry of two times eight particles at the beginning of a block; by default that of each."""
-    raise NotImplementedError("begin_pair() is for compiled code only")
-
-
-@overload(begin_pair, jit_options=OPTIONS)
-def _begin_pair(method, model, one, two, storages):
     compiled = _kernel(method, "begin_pair")
     if compiled is None:
         return lambda method, model, one, two, storages: (
@@ -345,13 +284,9 @@ def _begin_pair(method, model, one, two, storages):
     return lambda method, model, one, two, storages: compiled(method, model, one, two, storages)
 
 
+@verb
 def step_pair(method, model, t, h, one, two, carry, storages):
     """Take one step of two times eight particles, by default of each. Returns (one, two, carry, evaluations of one)."""
-    raise NotImplementedError("step_pair() is for compiled code only")
-
-
-@overload(step_pair, jit_options=OPTIONS)
-def _step_pair(method, model, t, h, one, two, carry, storages):
     compiled = _kernel(method, "step_pair")
     if compiled is not None:
         return lambda method, model, t, h, one, two, carry, storages: compiled(
@@ -366,13 +301,9 @@ def _step_pair(method, model, t, h, one, two, carry, storages):
     return step_each
 
 
+@verb
 def keep_pair(method, carry, storages):
     """Keep the carry of two times eight particles at the end of a block; by default that of each."""
-    raise NotImplementedError("keep_pair() is for compiled code only")
-
-
-@overload(keep_pair, jit_options=OPTIONS)
-def _keep_pair(method, carry, storages):
     compiled = _kernel(method, "keep_pair")
     if compiled is not None:
         return lambda method, carry, storages: compiled(method, carry, storages)
@@ -384,26 +315,18 @@ def _keep_pair(method, carry, storages):
     return keep_each
 
 
+@verb
 def enter_particles(method, model, state, particles, rows, storage):
     """Compute what is marched of particles from what is seen."""
-    raise NotImplementedError("enter_particles() is for compiled code only")
-
-
-@overload(enter_particles, jit_options=OPTIONS)
-def _enter_particles(method, model, state, particles, rows, storage):
     compiled = _kernel(method, "enter_particles")
     return compiled and (
         lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)
     )
 
 
+@verb
 def leave_particles(method, model, state, particles, rows, storage):
     """Compute what is seen of particles from what is marched."""
-    raise NotImplementedError("leave_particles() is for compiled code only")
-
-
-@overload(leave_particles, jit_options=OPTIONS)
-def _leave_particles(method, model, state, particles, rows, storage):
     compiled = _kernel(method, "leave_particles")
     return compiled and (
         lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)

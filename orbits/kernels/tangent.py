@@ -21,12 +21,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS, SumType, accelerate, add_hessians, dimension, other_terms, tides
+from orbits.kernels.binding import SumType, accelerate, add_hessians, dimension, other_terms, tides
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, store
 from orbits.kernels.summation import accumulate, add_product
+from orbits.kernels.verbs import verb
 
 NODE, WEIGHT, KICK, REST, ETA = 0, 1, 2, 3, 4
 """The columns of a table: c, w, kick and rest of each stage; from `ETA` on eta, then the continuation: the weights of L
@@ -189,13 +188,9 @@ def place_stages(model, table, explicit, warm, h, start, end, room):
     return explicit
 
 
+@verb
 def write_tides(model, t, q, v, curvature, some, inertia, out):
     """Write G, the derivative of the accelerations of some bodies by their positions, (d, d)."""
-    raise NotImplementedError("write_tides() is for compiled code only")
-
-
-@overload(write_tides, jit_options=OPTIONS)
-def _write_tides(model, t, q, v, curvature, some, inertia, out):
     if not isinstance(model.types[0], SumType):
         return lambda model, t, q, v, curvature, some, inertia, out: tides(
             model.tag, model.parameters, q, some, out

@@ -23,9 +23,9 @@ from __future__ import annotations
 
 from numba import types
 from numba.core.imputils import impl_ret_borrowed
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
-from orbits.kernels.binding import OPTIONS, SumType, kernel_of, other_terms, plus
+from orbits.kernels.binding import SumType, kernel_of, other_terms, plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import (
     FORCE,
@@ -44,6 +44,7 @@ from orbits.kernels.interaction import (
 )
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, load, select, store, sums_after, sums_before, total
 from orbits.kernels.summation import accumulate
+from orbits.kernels.verbs import verb
 
 WEAK = 1e-13
 """The square of s/w below which two evaluations do."""
@@ -69,11 +70,8 @@ def strength_of(typingctx, model):
 def _summing(static):
     """Return a function that sums what `about` returns over terms of positions alone, or over all others."""
 
+    @verb
     def summed(tags, strength, parameters, gm, r, w):
-        raise NotImplementedError("this is for compiled code only")
-
-    @overload(summed, jit_options=OPTIONS)
-    def _summed(tags, strength, parameters, gm, r, w):
         about, last = kernel_of(tags.terms[0], "about"), len(tags.terms) == 1
         if (kernel_of(tags.terms[0], "field") is not None) != static:
             if last:
@@ -288,13 +286,9 @@ def _flow(tags, strength, parameters, planets, room, h):
     _advance(planets, room, h, True)
 
 
+@verb
 def flow(model, planets, room, h):
     """Advance the planets by h in the flow of the terms that depend on velocities; without any, nothing is done."""
-    raise NotImplementedError("flow() is for compiled code only")
-
-
-@overload(flow, jit_options=OPTIONS)
-def _overloaded_flow(model, planets, room, h):
     if not _has(model, False):
         return lambda model, planets, room, h: None
     return lambda model, planets, room, h: _flow(
@@ -315,13 +309,9 @@ def _flow_of_register(tags, strength, parameters, masses, planets, h):
     return (x, y, z, u, v, w), (x_lo, y_lo, z_lo, u_lo, v_lo, w_lo)
 
 
+@verb
 def flow_of_register(model, masses, planets, h):
     """Return planets of a single register after `flow`: r' and its velocity, six, and their low parts."""
-    raise NotImplementedError("flow_of_register() is for compiled code only")
-
-
-@overload(flow_of_register, jit_options=OPTIONS)
-def _overloaded_flow_of_register(model, masses, planets, h):
     if not _has(model, False):
         return lambda model, masses, planets, h: planets
     return lambda model, masses, planets, h: _flow_of_register(
@@ -340,13 +330,9 @@ def _with_pulls(tags, strength, parameters, masses, place, force):
     )
 
 
+@verb
 def force_with_pulls(model, masses, place, force):
     """Return the interaction of a single register with the accelerations by terms of positions alone, at u."""
-    raise NotImplementedError("force_with_pulls() is for compiled code only")
-
-
-@overload(force_with_pulls, jit_options=OPTIONS)
-def _force_with_pulls(model, masses, place, force):
     if not _has(model, True):
         return lambda model, masses, place, force: force
     return lambda model, masses, place, force: _with_pulls(
@@ -361,13 +347,9 @@ def _flow_among(tags, strength, parameters, planets, room, table, first, h):
     _advance(planets, room, h, True)
 
 
+@verb
 def flow_among(model, planets, room, table, first, h):
     """The same, with what particles need of it in a table, from row `first` of the stages of a step on."""
-    raise NotImplementedError("flow_among() is for compiled code only")
-
-
-@overload(flow_among, jit_options=OPTIONS)
-def _overloaded_flow_among(model, planets, room, table, first, h):
     if not _has(model, False):
         return lambda model, planets, room, table, first, h: None
     return lambda model, planets, room, table, first, h: _flow_among(
@@ -386,13 +368,9 @@ def _to_momenta(tags, strength, parameters, planets, room, table, first):
     _change_momenta(planets, room, -1.0)
 
 
+@verb
 def to_momenta(model, planets, room, table, first):
     """Change the velocities of planets to momenta, divided by masses; with a table for particles if first >= 0."""
-    raise NotImplementedError("to_momenta() is for compiled code only")
-
-
-@overload(to_momenta, jit_options=OPTIONS)
-def _overloaded_to_momenta(model, planets, room, table, first):
     if not _has(model, False):
         return lambda model, planets, room, table, first: None
     return lambda model, planets, room, table, first: _to_momenta(
@@ -408,13 +386,9 @@ def _to_velocities(tags, strength, parameters, planets, room, table, first):
     _change_momenta(planets, room, 1.0)
 
 
+@verb
 def to_velocities(model, planets, room, table, first):
     """The reverse of `to_momenta`."""
-    raise NotImplementedError("to_velocities() is for compiled code only")
-
-
-@overload(to_velocities, jit_options=OPTIONS)
-def _overloaded_to_velocities(model, planets, room, table, first):
     if not _has(model, False):
         return lambda model, planets, room, table, first: None
     return lambda model, planets, room, table, first: _to_velocities(
@@ -441,13 +415,9 @@ def _kick(tags, strength, parameters, planets, room):
         bx, by, bz = bx + total(mass * gx), by + total(mass * gy), bz + total(mass * gz)
 
 
+@verb
 def kick_more(model, planets, room):
     """Add the accelerations by terms of positions alone to the interaction; without any, nothing is done."""
-    raise NotImplementedError("kick_more() is for compiled code only")
-
-
-@overload(kick_more, jit_options=OPTIONS)
-def _overloaded_kick_more(model, planets, room):
     if not _has(model, True):
         return lambda model, planets, room: None
     return lambda model, planets, room: _kick(
@@ -455,13 +425,9 @@ def _overloaded_kick_more(model, planets, room):
     )
 
 
+@verb
 def pull_more(model, u, g):
     """Return g of particles at u with the accelerations by terms of positions alone."""
-    raise NotImplementedError("pull_more() is for compiled code only")
-
-
-@overload(pull_more, jit_options=OPTIONS)
-def _pull_more(model, u, g):
     if not _has(model, True):
         return lambda model, u, g: g
 
@@ -483,39 +449,27 @@ def depends_on_positions(model):
     return _has(model, True)
 
 
+@verb
 def has_terms(model):
     """Return whether a model has terms besides Newton's."""
-    raise NotImplementedError("has_terms() is for compiled code only")
-
-
-@overload(has_terms, jit_options=OPTIONS)
-def _has_terms(model):
     if _has(model, False) or _has(model, True):
         return lambda model: True
     return lambda model: False
 
 
+@verb
 def has_flow(model):
     """Return whether a model has terms that depend on velocities."""
-    raise NotImplementedError("has_flow() is for compiled code only")
-
-
-@overload(has_flow, jit_options=OPTIONS)
-def _has_flow(model):
     if _has(model, False):
         return lambda model: True
     return lambda model: False
 
 
+@verb
 def particle_rates(model, central, u, w, half, known):
     """Return (rates of the place, rates of the velocity) of massless particles at u with velocities w relative to the
     dominant body, whose rates are `central`, six numbers; half and known : see `orbits.kernels.terms_about._evaluate`.
     """
-    raise NotImplementedError("particle_rates() is for compiled code only")
-
-
-@overload(particle_rates, jit_options=OPTIONS)
-def _particle_rates(model, central, u, w, half, known):
     return lambda model, central, u, w, half, known: _rates_of(
         other_terms(model.tag), model.parameters[0], model.parameters[1:], central, (u, w), half, known
     )

@@ -16,15 +16,14 @@ are solved as the flow is, by iteration: with two sweeps where momenta differ li
 
 from __future__ import annotations
 
-from numba.extending import overload
-
-from orbits.kernels.binding import OPTIONS, kernel_of, other_terms
+from orbits.kernels.binding import kernel_of, other_terms
 from orbits.kernels.compile import kernel
 from orbits.kernels.interaction import RATE, ROWS, SHARE, STATE_ROWS
 from orbits.kernels.lanes import WIDTH, fma, full, load, store
 from orbits.kernels.stages_of_maps import LAZY
 from orbits.kernels.terms_about import MORE, QUICK, WEAK, depends_on_positions, depends_on_velocities
 from orbits.kernels.vector_parts import ALONG, HERE, MOVED, add_from_places, add_three, constant, to_places
+from orbits.kernels.verbs import verb
 
 PAIR = 6
 """Coordinates of a pair of bodies."""
@@ -36,11 +35,8 @@ BENDS, PAIR_NUMBERS = 27, 3 * PAIR * PAIR + 2 * PAIR
 def _bending(static):
     """Return a function that adds the second derivatives of terms of positions alone, or of all others."""
 
+    @verb
     def bent(tags, strength, parameters, q, v, out):
-        raise NotImplementedError("this is for compiled code only")
-
-    @overload(bent, jit_options=OPTIONS)
-    def _bent(tags, strength, parameters, q, v, out):
         compiled, last = kernel_of(tags.terms[0], "hessians"), len(tags.terms) == 1
         mine = (kernel_of(tags.terms[0], "field") is not None) == static
         if last and mine:
@@ -95,13 +91,9 @@ def _place_kick(tags, pair, room, which):
         _keep(curvature, room.mass[i], room.bends[which, i])
 
 
+@verb
 def place_static(model, kind, room):
     """Write the second derivatives of terms of positions alone at the places of a kick; without any, nothing."""
-    raise NotImplementedError("place_static() is for compiled code only")
-
-
-@overload(place_static, jit_options=OPTIONS)
-def _place_static(model, kind, room):
     if not depends_on_positions(model):
         return lambda model, kind, room: None
 
@@ -132,13 +124,9 @@ def _add_static(scratch, which, d, out, room):
     add_from_places(scratch, count, 1.0, room.pull, out, 0)
 
 
+@verb
 def add_static(model, which, d, out, room):
     """Add the change of kicks by terms of positions alone along eight vectors; without any, nothing is done."""
-    raise NotImplementedError("add_static() is for compiled code only")
-
-
-@overload(add_static, jit_options=OPTIONS)
-def _overloaded_add_static(model, which, d, out, room):
     if not depends_on_positions(model):
         return lambda model, which, d, out, room: None
     return lambda model, which, d, out, room: _add_static(room.scratch, which, d, out, room)
@@ -225,15 +213,11 @@ def _flow_with_vectors(tags, h, vectors, room):
         _advance_vectors(h, room.mass.shape[0], True, vectors[group], room.rates)
 
 
+@verb
 def flow_vectors(model, h, vectors, room):
     """Advance vectors by the flow of terms that depend on velocities, of h, which the planets have just taken; without
     any such terms, nothing is done.
     """
-    raise NotImplementedError("flow_vectors() is for compiled code only")
-
-
-@overload(flow_vectors, jit_options=OPTIONS)
-def _flow_vectors(model, h, vectors, room):
     if not depends_on_velocities(model):
         return lambda model, h, vectors, room: None
     return lambda model, h, vectors, room: _flow_with_vectors(other_terms(model.tag), h, vectors, room)
@@ -248,27 +232,19 @@ def _change_variables(tags, known, sign, vectors, room):
         _advance_vectors(sign, room.mass.shape[0], False, vectors[group], room.rates)
 
 
+@verb
 def momenta_of_vectors(model, vectors, room):
     """Change dv' to those of momenta, before the planets' velocities are changed to momenta; without terms that depend
     on velocities nothing is done.
     """
-    raise NotImplementedError("momenta_of_vectors() is for compiled code only")
-
-
-@overload(momenta_of_vectors, jit_options=OPTIONS)
-def _momenta_of_vectors(model, vectors, room):
     if not depends_on_velocities(model):
         return lambda model, vectors, room: None
     return lambda model, vectors, room: _change_variables(other_terms(model.tag), 0.0, -1.0, vectors, room)
 
 
+@verb
 def velocities_of_vectors(model, vectors, room):
     """Undo `momenta_of_vectors`, after the planets' momenta have been changed to velocities."""
-    raise NotImplementedError("velocities_of_vectors() is for compiled code only")
-
-
-@overload(velocities_of_vectors, jit_options=OPTIONS)
-def _velocities_of_vectors(model, vectors, room):
     if not depends_on_velocities(model):
         return lambda model, vectors, room: None
     return lambda model, vectors, room: _change_variables(other_terms(model.tag), 1.0, 1.0, vectors, room)

@@ -20,19 +20,19 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.extending import overload
 
 from orbits.integrators.canonical_end import momenta as momenta_of
 from orbits.integrators.canonical_room import padded_length, stages_in
 from orbits.integrators.forms import Array
 from orbits.integrators.given_bodies import given_in, place_between
 from orbits.kernels.acting import add_acting, add_terms
-from orbits.kernels.binding import OPTIONS, accelerate_close, bodies, first_term, kernel_of
+from orbits.kernels.binding import accelerate_close, bodies, first_term, kernel_of
 from orbits.kernels.chebyshev import place_given
 from orbits.kernels.compile import kernel
 from orbits.kernels.dense import dense, double_integrals, single_integrals
 from orbits.kernels.lanes import WIDTH, fma, full, load, store, unit
 from orbits.kernels.summation import two_sum
+from orbits.kernels.verbs import verb
 from orbits.tableaux import SymplecticTableau
 
 MODES = 12
@@ -138,13 +138,9 @@ def learn(method, model, field, k):
     field.known[k] = True
 
 
+@verb
 def kick_there(method, model, field, k, h, places, room):
     """Write h times the accelerations of the bodies at `places`, at the eight other points of step k, into rows."""
-    raise NotImplementedError("kick_there() is for compiled code only")
-
-
-@overload(kick_there, jit_options=OPTIONS)
-def _kick_there(method, model, field, k, h, places, room):
     if kernel_of(method.types[0], "speeds"):
         return lambda method, model, field, k, h, places, room: _kick_with_terms(model, field, k, h, places, room)
 
@@ -185,16 +181,12 @@ def _kick_with_terms(model, field, k, h, places, room):
         store(room, i, h * (load(room, i) + load(forces, i) / mass) - slope)
 
 
+@verb
 def place_bodies(method, model, field, k, theta, begin, end):
     """Write the positions of the bodies at eight fractions of step k, and their low parts, into the workspace; for
     terms that depend on velocities, and for forces, also their velocities, and their states at the fractions `begin`
     and `end`.
     """
-    raise NotImplementedError("place_bodies() is for compiled code only")
-
-
-@overload(place_bodies, jit_options=OPTIONS)
-def _place_bodies(method, model, field, k, theta, begin, end):
     if kernel_of(method.types[0], "given"):
         return lambda method, model, field, k, theta, begin, end: _place_given(model, field, k, theta, begin, end)
 
@@ -216,13 +208,9 @@ def _place_given(model, field, k, theta, begin, end):
     place_between(given, time_of(field, k), theta * h, begin * h + ((end - begin) * h) * unit(1), stages, size)
 
 
+@verb
 def state_between(method, model, field, k, part, Q, V):
     """Write the state of the bodies at a fraction of step k, for observers."""
-    raise NotImplementedError("state_between() is for compiled code only")
-
-
-@overload(state_between, jit_options=OPTIONS)
-def _state_between(method, model, field, k, part, Q, V):
     if kernel_of(method.types[0], "given"):
 
         def from_series(method, model, field, k, part, Q, V):
@@ -244,13 +232,9 @@ def _state_between(method, model, field, k, part, Q, V):
     return by_kicks
 
 
+@verb
 def place_ends(method, model, field, k, begin, end):
     """Write the states of the bodies at two fractions of step k, if they are needed."""
-    raise NotImplementedError("place_ends() is for compiled code only")
-
-
-@overload(place_ends, jit_options=OPTIONS)
-def _place_ends(method, model, field, k, begin, end):
     if not kernel_of(method.types[0], "speeds"):
         return lambda method, model, field, k, begin, end: None
 
@@ -265,13 +249,9 @@ def _place_ends(method, model, field, k, begin, end):
     return both
 
 
+@verb
 def place(method, model, field, k, theta):
     """Write positions, their low parts, and velocities if they are needed, by the modes of step k."""
-    raise NotImplementedError("place() is for compiled code only")
-
-
-@overload(place, jit_options=OPTIONS)
-def _choose_place(method, model, field, k, theta):
     if not kernel_of(method.types[0], "speeds"):
 
         def positions(method, model, field, k, theta):

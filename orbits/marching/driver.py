@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import math
 
-from numba.extending import overload
-
 from orbits.kernels.barrier import Barrier
-from orbits.kernels.binding import OPTIONS, dimension
+from orbits.kernels.binding import dimension
 from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
@@ -49,6 +47,7 @@ from orbits.kernels.steps import (
     step_pair,
     step_particles,
 )
+from orbits.kernels.verbs import verb
 from orbits.kernels.watch import no_particles
 
 TRACED = 128
@@ -247,13 +246,9 @@ def march_particles(
     return _march_particles(method, model, clock, columns, storage, retired, block, watched)
 
 
+@verb
 def _march_particles(method, model, clock, columns, storage, retired, block, watched):
     """March particles in the layout of their method: eight in lanes, or one with its stages in lanes."""
-    raise NotImplementedError("_march_particles() is for compiled code only")
-
-
-@overload(_march_particles, jit_options=OPTIONS)
-def _choose(method, model, clock, columns, storage, retired, block, watched):
     march = _march_in_lanes if lanes_of(method) == WIDTH else _march_one_by_one
     return lambda method, model, clock, columns, storage, retired, block, watched: march(
         method, model, clock, columns, storage, retired, block, watched

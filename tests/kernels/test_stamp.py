@@ -35,6 +35,7 @@ class Path(NamedTuple):
     first: float
     second: float
 ''',
+    "kernels/choices.py": "from orbits.kernels.verbs import verb\n@verb\ndef twice(x): return lambda x: 2.0 * x\n",
     "kernels/sizes.py": "WIDTH = 8\ndef unused(): return 1\n",
     "integrators/__init__.py": "",
     "integrators/base.py": """from orbits.tables import table
@@ -70,6 +71,7 @@ KEPT = {
 }
 CHANGED = {
     "digit": ("kernels/sums.py", "0.5", "0.6"),
+    "digit in the code of a verb": ("kernels/choices.py", "2.0", "3.0"),
     "operator": ("kernels/sums.py", "s + q[k]", "s - q[k]"),
     "name of a variable": ("kernels/sums.py", "s = 0.5  # half", "t = 0.5"),
     "option of the compiler": ("kernels/compile.py", "False", "True"),

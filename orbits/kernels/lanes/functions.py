@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from functools import partial, update_wrapper
 
 from numba import types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
 from orbits.kernels.lanes.arithmetic import select
 from orbits.kernels.lanes.memory import full, lane
 from orbits.kernels.lanes.type import VECTOR, LanesType, lanes
+from orbits.kernels.verbs import verb
 
 
 @intrinsic
@@ -25,8 +27,8 @@ def _packed(typingctx, a, b, c, d, e, f, g, h):
     return lanes(*[types.float64] * 8), codegen
 
 
-def _unary(stub, function):
-    """Give `stub` the scalar `function` for float64 and eight calls of it for `Lanes`."""
+def _unary(function):
+    """Return a decorator for a verb that calls the scalar `function` for float64, and eight times for `Lanes`."""
 
     def of_number(x):
         return function(x)
@@ -43,14 +45,15 @@ def _unary(stub, function):
             function(lane(x, 7)),
         )
 
-    @overload(stub)
     def choose(x):
         if isinstance(x, LanesType):
             return of_lanes
         return of_number if isinstance(x, types.Float | types.Integer) else None
 
+    return partial(update_wrapper, verb(choose, options={}))
 
-def _binary(stub, function):
+
+def _binary(function):
     def of_numbers(x, y):
         return function(x, y)
 
@@ -72,7 +75,6 @@ def _binary(stub, function):
     def of_number_and_lanes(x, y):
         return of_lanes_both(full(x), y)
 
-    @overload(stub)
     def choose(x, y):
         wide = isinstance(x, LanesType), isinstance(y, LanesType)
         return {
@@ -82,85 +84,76 @@ def _binary(stub, function):
             (False, False): of_numbers,
         }[wide]
 
-    of_lanes_both = stub
+    of_lanes_both = verb(choose, options={})
+    return partial(update_wrapper, of_lanes_both)
 
 
+@_unary(math.sin)
 def sin(x):
     """Return the sine; float64 or `Lanes`."""
-    raise NotImplementedError("sin() is for compiled code only")
 
 
+@_unary(math.cos)
 def cos(x):
     """Return the cosine; float64 or `Lanes`."""
-    raise NotImplementedError("cos() is for compiled code only")
 
 
+@_unary(math.tan)
 def tan(x):
     """Return the tangent; float64 or `Lanes`."""
-    raise NotImplementedError("tan() is for compiled code only")
 
 
+@_unary(math.asin)
 def asin(x):
     """Return the inverse sine; float64 or `Lanes`."""
-    raise NotImplementedError("asin() is for compiled code only")
 
 
+@_unary(math.acos)
 def acos(x):
     """Return the inverse cosine; float64 or `Lanes`."""
-    raise NotImplementedError("acos() is for compiled code only")
 
 
+@_unary(math.atan)
 def atan(x):
     """Return the inverse tangent; float64 or `Lanes`."""
-    raise NotImplementedError("atan() is for compiled code only")
 
 
+@_unary(math.sinh)
 def sinh(x):
     """Return the hyperbolic sine; float64 or `Lanes`."""
-    raise NotImplementedError("sinh() is for compiled code only")
 
 
+@_unary(math.cosh)
 def cosh(x):
     """Return the hyperbolic cosine; float64 or `Lanes`."""
-    raise NotImplementedError("cosh() is for compiled code only")
 
 
+@_unary(math.tanh)
 def tanh(x):
     """Return the hyperbolic tangent; float64 or `Lanes`."""
-    raise NotImplementedError("tanh() is for compiled code only")
 
 
+@_unary(math.exp)
 def exp(x):
     """Return the exponential; float64 or `Lanes`."""
-    raise NotImplementedError("exp() is for compiled code only")
 
 
+@_unary(math.log)
 def log(x):
     """Return the natural logarithm; float64 or `Lanes`."""
-    raise NotImplementedError("log() is for compiled code only")
 
 
+@_binary(math.atan2)
 def atan2(y, x):
     """Return the angle of the point (x, y); float64 or `Lanes`."""
-    raise NotImplementedError("atan2() is for compiled code only")
 
 
+@_binary(math.pow)
 def power(x, y):
     """Return x to the power y; float64 or `Lanes`."""
-    raise NotImplementedError("power() is for compiled code only")
 
 
+@partial(verb, options={})
 def positive(x):
     """Return x where it is positive, else NaN; float64 or `Lanes`."""
-    raise NotImplementedError("positive() is for compiled code only")
-
-
-@overload(positive)
-def _positive(x):
     return lambda x: select(x > 0.0, x, math.nan * x)
-
-
-for _stub in (sin, cos, tan, asin, acos, atan, sinh, cosh, tanh, exp, log):
-    _unary(_stub, getattr(math, _stub.__name__))
-_binary(power, math.pow)
-_binary(atan2, math.atan2)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
 from orbits.kernels.lanes.type import (
     DOUBLE,
@@ -24,6 +26,7 @@ from orbits.kernels.lanes.type import (
     shuffle,
     widen,
 )
+from orbits.kernels.verbs import verb
 
 
 @intrinsic
@@ -123,13 +126,9 @@ def _store_element(typingctx, array, index, value):
     return types.void(array, index, value), codegen
 
 
+@partial(verb, options={})
 def get(array, index):
     """Return element `index` of a vector as float64, or row `index` of an (n, 8) array as `Lanes`."""
-    raise NotImplementedError("get() is for compiled code only")
-
-
-@overload(get)
-def _get(array, index):
     if is_contiguous(array, 2):
         return lambda array, index: load(array, index)
     if is_contiguous(array, 1):
@@ -137,13 +136,9 @@ def _get(array, index):
     return None
 
 
+@partial(verb, options={})
 def put(array, index, value):
     """Write float64 to element `index` of a vector, or `Lanes` to row `index` of an (n, 8) array."""
-    raise NotImplementedError("put() is for compiled code only")
-
-
-@overload(put)
-def _put(array, index, value):
     if is_contiguous(array, 2):
         return lambda array, index, value: store(array, index, value)
     if is_contiguous(array, 1):
