@@ -11,9 +11,9 @@ evaluations are compared as well. A checksum for every sample, a hash without th
 full tell where a difference begins, how large it is, and whether it is only the sign of a zero. The bits depend on the
 processor and the version of Numba: write and compare on the same machine.
 
-Threads, samples, and a run that is killed and resumed must change no bit. Where they do, it is listed as a broken
-promise, and the case holds in words what differs; `compare` lists those that FILE does not have already. A combination
-that is refused is kept as its error, and a case whose packages are missing is skipped.
+Threads, samples, and a run that is killed and resumed must change no bit. Where they do, the promise is broken, and the
+case holds in words what differs and by how much; `write` counts them, and `compare` lists those that FILE does not have
+already. A combination that is refused is kept as its error, and a case whose packages are missing is skipped.
 
 Besides, FILE has the seconds for compiling in each case, and for marching its first run. They are no bits: `compare`
 prints by kind of case what has changed by more than a tenth, and by a tenth of a second. Seconds for compiling are
@@ -156,9 +156,9 @@ def matches(name: str, only: str) -> bool:
 def broken_promises(found: Kept) -> dict[str, str]:
     """Return where threads, samples or an interruption changed a bit, which they must not: case and way, and how."""
     out: dict[str, str] = {}
-    for stem, names in groupby(found, key=lambda name: name.partition(" [threads=")[0]):
+    for _, names in groupby(found, key=lambda name: name.partition(" [threads=")[0]):
         first, *others = names
-        out |= {f"{stem}: {name}": f"differs from {first}" for name in others if found[name] != found[first]}
+        out |= {f"{name}: threads": f"differs from {first}" for name in others if found[name] != found[first]}
     for name, kept in found.items():
         if lost(kept):
             out[f"{name}: interrupted, resumed"] = BROKEN
@@ -265,8 +265,8 @@ def main() -> int:
             print(f"{name}: skipped: {kept['skipped']}")
     broken = broken_promises(found)
     if stored is None:
-        for where, how in broken.items():
-            print(f"{where}: {how}")
+        for way, count in Counter(where.rpartition(": ")[2] for where in broken).items():
+            print(f"{way}: {BROKEN} in {count} cases")
         kept = {"circumstances": circumstances(), "cold": given.cold, "cases": found, "times": times}
         given.file.write_text(json.dumps(kept, indent=0) + "\n")
         print(f"{len(found)} cases written to {given.file}; {len(broken)} broken promises")

@@ -104,7 +104,7 @@ def events() -> Iterator[Row]:
 
 
 def kick(t: Any, system: Any) -> Any:
-    """Return a system in which all massive bodies but the first are faster."""
+    """Return a system whose second body is faster."""
     factors = np.where(np.arange(len(system.names)) == 1, 1.02, 1.0)
     return system.replaced(v=system.v.value * factors[:, None])
 
@@ -128,12 +128,17 @@ def remove(t: Any, system: Any) -> Any:
 def acting() -> Iterator[Row]:
     """Events at which functions change velocities and masses, and remove a body."""
     ways = (("constant", GAUSS, 1 / 8), ("adaptive", GAUSS, None), ("map", PLAIN, 1 / 16))
-    for function in (kick, push, grow, remove):
-        for word in ("pericentre", "own"):
+    for function in (kick, push, grow):
+        for word in ("apocentre", "own"):
             acts = replace(EVENTS[word], then=function)
             for label, method, dt in ways:
-                options: Options = {"dt": dt, "duration": 12.5, "events": [acts, EVENTS["node"]]}
+                options: Options = {"dt": dt, "duration": 12.5, "events": [acts, EVENTS["plane"]]}
                 yield f"{function.__name__} at {word}, {label}", systems.satellites, method, options
+    removes: Options = {"dt": None, "duration": 12.5, "events": replace(EVENTS["own"], then=remove)}
+    yield "remove at own, adaptive", systems.satellites, GAUSS, removes
+    refused: Options = {"dt": 1 / 8, "duration": 12.5, "events": replace(EVENTS["pericentre"], then=push)}
+    yield "push of a massless body, constant", systems.satellites, GAUSS, refused
+    yield "node of a massless body, constant", systems.satellites, GAUSS, {**refused, "events": [acts, EVENTS["node"]]}
 
 
 def collisions() -> Iterator[Row]:

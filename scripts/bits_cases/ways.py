@@ -17,8 +17,9 @@ import orbits
 from bits_cases.facts import COSTS, Facts, end, happenings, states
 
 QUIET: dict[str, Any] = {"check_step": False, "progress": False}
-ON_GRID = np.arange(11) / 10.0
-OFF_GRID = np.array([0.0, 0.0123, 0.271, 0.5001, 0.777, 0.9, 1.0])
+ON_GRID = np.arange(11)
+OFF_GRID = np.array([0.0, 0.123, 2.71, 5.001, 7.77, 9.0, 10.0])
+"""Samples in tenths of a run."""
 SAME = "the same"
 BROKEN = "not the same"
 
@@ -31,7 +32,7 @@ def in_all_ways(system: Any, method: Any, *, duration: Any, killed: bool = True,
 
     def run(samples: Any = ON_GRID, **more: Any) -> Any:
         given = {"threads": 1, **QUIET, **options, **more}
-        return orbits.propagate(system, method, duration=duration, samples=samples * duration, **given)
+        return orbits.propagate(system, method, duration=duration, samples=samples * duration / 10, **given)
 
     first = run()
     found = {**states(first), **happenings(first)}
