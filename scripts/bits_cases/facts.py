@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,16 @@ def end(run: Any) -> Facts:
     """Return all that happened in a run, and its last state, which do not depend on the samples."""
     last = {} if run.stopped else {f"last {name}": getattr(run, name).value[-1:] for name in "tqv"}
     return last | happenings(run)
+
+
+def turning(run: Any) -> Facts:
+    """Return attitudes and spins at the samples, of the bodies that have them."""
+    found: Facts = {}
+    for name in run.names:
+        for quantity in (run.attitude, run.spin):
+            with suppress(orbits.InputError):
+                found[f"{quantity.__name__} of {name}"] = np.asarray(getattr(value := quantity(name), "value", value))
+    return found
 
 
 def tabled(name: str, table: Any) -> Facts:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import orbits
-from bits_cases.facts import COSTS, Facts, end, happenings, states
+from bits_cases.facts import COSTS, Facts, end, happenings, states, turning
 
 QUIET: dict[str, Any] = {"check_step": False, "progress": False}
 ON_GRID = np.arange(11)
@@ -35,7 +35,7 @@ def in_all_ways(system: Any, method: Any, *, duration: Any, killed: bool = True,
         return orbits.propagate(system, method, duration=duration, samples=samples * duration / 10, **given)
 
     first = run()
-    found = {**states(first), **happenings(first)}
+    found = {**states(first), **turning(first), **happenings(first)}
     whole, last = without_costs(found), end(first)
     off = run(OFF_GRID)
     found |= {"q off the grid": off.q.value, "v off the grid": off.v.value}
@@ -123,7 +123,7 @@ def needed_again(events: Any) -> bool:
 
 def facts(run: Any) -> Facts:
     """Return all that is kept of a run but for its costs."""
-    return without_costs({**states(run), **happenings(run)})
+    return without_costs({**states(run), **turning(run), **happenings(run)})
 
 
 def without_costs(found: Facts) -> Facts:
