@@ -1,13 +1,10 @@
-"""The cases of `bits.py`: every method on massive bodies, few and many, particles, Lagrangians, archives, encounters.
-
-Only the public API of the package is used, so that the cases run unchanged before and after a refactoring.
-"""
+"""Every method with constant steps: massive bodies, few and many, particles, Lagrangians, archives, encounters."""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator
-from functools import cache, partial
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -16,11 +13,10 @@ import numpy as np
 from astropy import units as u
 
 import orbits
+from bits_cases.facts import Case, approaches, states
+from bits_cases.systems import asteroids, jupiter_crossers, many_bodies, mixed, planets, pythagorean, star_alone
+from bits_cases.ways import QUIET
 
-Case = tuple[str, Callable[[], dict[str, Any]]]
-"""A name, and what computes its quantities: arrays of float64, one row for each sample; numbers and words."""
-
-QUIET: dict[str, Any] = {"check_step": False, "progress": False}
 ORDERS = (4, 6, 8, 10)
 
 
@@ -71,106 +67,7 @@ def explicit() -> list[Any]:
     return [m for m in methods() if m.name in names] + [m for m in methods() if m.name == "composition"]
 
 
-# ------------------------------------------------------------------------------------------------------------ systems
-
-
-@cache
-def planets() -> Any:
-    """Return the bundled Solar System at the epoch of the bundled asteroids."""
-    return orbits.System.solar_system("2022-08-09")
-
-
-@cache
-def asteroids(count: int = 37) -> Any:
-    """Return the Solar System with massless asteroids: some registers of eight, the last one not full."""
-    return planets().add_particles(orbits.asteroids(count))
-
-
-@cache
-def mixed() -> Any:
-    """Return a star with planets and massless particles in no order, softened, without units."""
-    rng = np.random.default_rng(5)
-    gm = np.where(rng.random(31) < 0.2, 1e-4 * rng.random(31), 0.0)
-    gm[7] = 1.0
-    return ring(gm, 7, rng, softening=0.01)
-
-
-@cache
-def star_alone() -> Any:
-    """Return one massive body, and eleven massless particles around it."""
-    return ring(np.append(np.zeros(11), 1.0), 11, np.random.default_rng(6))
-
-
-@cache
-def many_bodies() -> Any:
-    """Return 1,100 massive bodies, whose forces threads share, and nine massless ones."""
-    rng = np.random.default_rng(7)
-    gm = np.append(1e-7 * (1.0 + rng.random(1100)), np.zeros(9))
-    gm[0] = 1.0
-    return ring(gm, 0, rng, softening=0.003)
-
-
-@cache
-def pythagorean(softening: float) -> Any:
-    """Return Burrau's three bodies, which fall from rest into close encounters, and four massless ones."""
-    q = [[1, 3, 0], [-2, -1, 0], [1, -1, 0], [4, 1, 0.5], [-1, 1, 0.5], [3, -2, 0.125], [4, 2, 0.25]]
-    v = np.zeros((7, 3))
-    v[3:, 1] = 0.5
-    gm, names = [3, 4, 5, 0, 0, 0, 0], ["A", "B", "C", "a", "b", "c", "d"]
-    return orbits.System(names, gm, q, v, units=orbits.DIMENSIONLESS, softening=softening)
-
-
-@cache
-def jupiter_crossers() -> Any:
-    """Return the giant planets and massless particles on orbits about that of Jupiter, with close flybys."""
-    giants = orbits.System.solar_system("2022-08-09", ["Sun", "Jupiter", "Saturn"])
-    count = 19
-    return giants.add(
-        [f"crosser {k}" for k in range(count)],
-        primary="Jupiter",
-        q=np.linspace(0.15, 0.6, count)[:, None] * np.array([1.0, 0.3, 0.05]) * u.au,
-        v=np.linspace(-0.004, 0.002, count)[:, None] * np.array([0.9, 0.4, 0.1]) * u.au / u.day,
-    )
-
-
-def ring(gm: np.ndarray, centre: int, rng: np.random.Generator, softening: float = 0.0) -> Any:
-    """Return bodies on nearly circular orbits about the one at `centre`, without units."""
-    n = len(gm)
-    a, angle = rng.uniform(1.0, 5.0, n), rng.uniform(0.0, 2.0 * np.pi, n)
-    q = np.stack([a * np.cos(angle), a * np.sin(angle), 0.1 * rng.normal(size=n)], axis=1)
-    v = np.stack([-np.sin(angle), np.cos(angle), 0.1 * rng.normal(size=n)], axis=1) / np.sqrt(a)[:, None]
-    q[centre] = v[centre] = 0.0
-    names = [f"body {k}" for k in range(n)]
-    return orbits.System(names, gm, q, v, units=orbits.DIMENSIONLESS, softening=softening)
-
-
 # --------------------------------------------------------------------------------------------------------- quantities
-
-
-def states(run: Any) -> dict[str, Any]:
-    """Return samples and costs of a run."""
-    found = {"t": run.t.value, "q": run.q.value, "v": run.v.value}
-    if run.statistics is not None:
-        found["steps"] = run.statistics.steps
-        found["evaluations"] = run.statistics.evaluations
-        found["particle evaluations"] = run.statistics.particle_evaluations
-    if run.stopped is not None:
-        stop = run.stopped
-        found["stopped by"] = type(stop.condition).__name__
-        found["stopped at"] = np.array([stop.time.value])
-        found["stopped q"], found["stopped v"] = stop.system.q.value[None], stop.system.v.value[None]
-    return found
-
-
-def approaches(run: Any) -> dict[str, Any]:
-    """Return the closest approaches of a run: the closest of each body, all flybys, and those not resolved."""
-    closest, table = run.closest_approaches(), run.closest_approaches().to_table()
-    found = {f"closest {name}": getattr(closest, name).value for name in ("distance", "time", "speed")}
-    found |= {"closest partner": closest.partner, "reach": closest.reach.value, "left out": closest.left_out}
-    found |= {f"passage {name}": np.asarray(table[name]) for name in ("distance", "time", "speed", "error")}
-    found["passages"] = " ".join(f"{row['body']}~{row['other']}" for row in table)
-    found["unresolved"] = " ".join(f"{one.body}~{one.other}" for one in run.unresolved())
-    return found
 
 
 def propagated(
