@@ -321,9 +321,7 @@ def march_own_clocks(
             call_observer(observer, context, track, times[1] - times[0], steps, p - lane, stop)
             if context != 0:
                 watch, group = watch_at(context), (p - lane) // WIDTH
-                hit = watch.hits[group]
-                if found[0] <= steps and found[0] < hit[0]:
-                    hit[0], hit[1], hit[2], hit[3] = found[0], found[1], found[2], found[3]
+                watch.hits[group] = min(watch.hits[group], found[0])
                 if watch.collide != 0:
                     watch.touched[group] = min(watch.touched[group], found[TOUCH])
             found[0], found[TOUCH] = steps + 1, steps + 1
