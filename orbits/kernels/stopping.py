@@ -1,4 +1,4 @@
-"""Conditions that end a run, tested after each step of a block."""
+"""What may end a run in a block of steps: pairs that may come to a bound within one, and the energy after it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,15 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.paths import least_distance, relative, steps_between
 from orbits.kernels.watch import watch_at
 
-ANY = -1
+ANY, TINY = -1, 1e-300
 CLOSER, FARTHER = 0, 1
 KIND, FIRST, SECOND, BOUND2 = 0, 1, 2, 3
 """Columns of `stops`: CLOSER or FARTHER, two rows (or ANY of them), the distance squared."""
+
+BENT, COARSE, MOST = 1.0 / 48.0, 1e-3, 0.5
+"""The error of the cubic as a share of the way in a step: at least `COARSE`, and `BENT` times the cube of the angle by
+which the motion turns, eight times that on a circle; at most `MOST`, with which no step is passed over by a pair that
+goes astray in it."""
 
 
 @kernel(inline=True)
@@ -24,20 +29,55 @@ def _concerns(stops, c, row, j):
     return (a in (ANY, row) and b in (ANY, j)) or (a in (ANY, j) and b in (ANY, row))
 
 
-@kernel
-def first_met(context, track, h, steps, start, stop):
-    """Return the number of steps after which a condition first holds (steps + 1: never), the condition, row and body.
+@kernel(inline=True)
+def _stays_away(closer, bound2, h, first, second):
+    """Return whether a pair is too far from a bound to come to it between two states that are h apart; see
+    `_may_cross`. Its distance changes by the way, and (a + b)^2 <= 2 (a^2 + b^2).
+    """
+    d2, _, u, v, w = first
+    e2, _, x, y, z = second
+    reach2 = (1.0 + MOST) ** 2 * h * h * max(u * u + v * v + w * w, x * x + y * y + z * z)
+    if closer:
+        return min(d2, e2) > 2.0 * (bound2 + reach2)
+    return 2.0 * (max(d2, e2) + reach2) < bound2
 
-    Rows start ... stop - 1 are tested. "Closer" also holds after a step within which the pair came closer than at
-    either end.
+
+@kernel(inline=True)
+def _may_cross(closer, bound, h, first, second, nearest2):
+    """Return whether a pair may come to a bound between two states that are h apart.
+
+    first, second : d^2, q.v h, and the velocity (three numbers) at both
+    nearest2 : the least squared distance on the cubic between them
+    """
+    d2, before, u, v, w = first
+    e2, now, x, y, z = second
+    speed2, other2 = u * u + v * v + w * w, x * x + y * y + z * z
+    turn2 = ((x - u) ** 2 + (y - v) ** 2 + (z - w) ** 2) / (min(speed2, other2) + TINY)
+    share = min(COARSE + BENT * turn2 * math.sqrt(turn2), MOST)
+    margin = share * abs(h) * math.sqrt(max(speed2, other2))
+    begin, end = math.sqrt(d2), math.sqrt(e2)
+    if closer:
+        return math.sqrt(nearest2) - margin < bound and bound <= max(begin, end) + margin
+    farthest = max(begin, end)
+    if now < 0.0 < before:  # to where the tangents of the distance at both ends meet
+        rise, fall = before / begin, now / end
+        farthest += max(begin + rise * (end - begin - fall) / (rise - fall) - farthest, 0.0)
+    return bound < farthest + margin and min(begin, end) - margin <= bound
+
+
+@kernel
+def first_suspect(context, track, h, steps, start, stop):
+    """Return the number of steps in the last of which a pair may first come to its bound; steps + 1: never.
+
+    Rows start ... stop - 1 are looked at. This only excludes: where the bound is passed is found on the motion itself.
     """
     watch = watch_at(context)
     stops, n = watch.stops, watch.bodies
-    found = (steps + 1, 0, 0, 0)
+    found = steps + 1
     way = longest_way(context, h, steps) if start < n else math.inf
     for c in range(stops.shape[0]):
         bound2 = stops[c, BOUND2]
-        closer = stops[c, KIND] == CLOSER
+        closer, bound = stops[c, KIND] == CLOSER, math.sqrt(bound2)
         for row in range(start, stop):
             for j in range(min(row, n)):
                 if not _concerns(stops, c, row, j):
@@ -49,35 +89,32 @@ def first_met(context, track, h, steps, start, stop):
                     not closer and 2.0 * (d2 + 4.0 * way * way) < bound2
                 ):
                     continue
-                before = 0.0
-                for step in range(found[0]):
+                first = (d2, (x * u + y * v + z * w) * h, u, v, w)
+                for step in range(1, found):
                     x, y, z, u, v, w = relative(watch, track, row, j, step)
-                    d2, now = x * x + y * y + z * z, (x * u + y * v + z * w) * h
-                    if step > 0:
-                        met = d2 < bound2 if closer else d2 > bound2
-                        if closer and before < 0.0 <= now:
-                            length = h * steps_between(watch, h, step - 1, step)
-                            met = met or least_distance(watch, track, row, j, step - 1, length)[0] < bound2
-                        if met:
-                            found = (step, c, row, j)
+                    d2, length = x * x + y * y + z * z, h * steps_between(watch, h, step - 1, step)
+                    second = (d2, (x * u + y * v + z * w) * h, u, v, w)
+                    if not _stays_away(closer, bound2, length, first, second):
+                        nearest2 = min(first[0], d2)
+                        if closer and first[1] < 0.0 <= second[1]:
+                            nearest2 = least_distance(watch, track, row, j, step - 1, length)[0]
+                        if _may_cross(closer, bound, length, first, second, nearest2):
+                            found = step
                             break
-                    before = now
+                    first = second
     return found
 
 
-@kernel(inline=True)
-def _enter(hits, row, found):
-    hits[row, 0], hits[row, 1], hits[row, 2], hits[row, 3] = found
-
-
 @kernel
-def find_met(context, track, h, steps, start, stop):
-    """Find conditions that are met, for massive bodies start ... stop - 1, or for particles if `track` is not empty."""
+def find_suspect(context, track, h, steps, start, stop):
+    """Look for pairs that may come to their bounds: of massive bodies start ... stop - 1, or of particles if `track` is
+    not empty.
+    """
     watch = watch_at(context)
     group, row = watch.hits.shape[0] - 1, 0
     if track.shape[0] > 0:
         group, row = start // WIDTH, watch.bodies
-    _enter(watch.hits, group, first_met(context, track, h, steps, row + start, row + stop))
+    watch.hits[group] = first_suspect(context, track, h, steps, row + start, row + stop)
 
 
 @kernel

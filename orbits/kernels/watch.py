@@ -16,8 +16,8 @@ reaches : (n + padding,), the distance from each body within which flybys are li
 record : (4, 2, rows + 8) squared distance, reading of the clock, squared speed and partner of the closest
     approaches
 stops : (conditions, 4), see `stopping.py`; if there are any
-hits : (groups + 1, 4) int64; for each group of eight particles, and last for the bodies: the number of steps
-    after which a condition first held, the condition, row and body
+hits : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps in the last
+    of which a pair may first come to its bound
 radii : (n + m + padding,), radii of the bodies, then of the particles; negative where nothing collides. These and
     `strength`, `touched`, `touched_own` only if collisions are sought
 strength : (1 + n,), the squared softening length and GM of the bodies
@@ -79,7 +79,7 @@ _KINDS: dict[str, Any] = {
     "reaches": _array(1),
     "record": _array(3),
     "stops": _array(2),
-    "hits": _array(2, types.int64),
+    "hits": _array(1, types.int64),
     "radii": _array(1),
     "strength": _array(1),
     "touched": _array(1, types.int64),

@@ -61,7 +61,7 @@ class Blocks:
         evaluations: int
         particle_evaluations: int
         block: int
-        met: tuple[int, int, int] | None
+        met: int | None
         _arrived: bool
         _apart: int
         _backup: dict[str, Array]
@@ -85,6 +85,7 @@ class Blocks:
         _meeting_of_planets: kepler_passages.Meeting | None
         _nothing: Array
         _overflowed: bool
+        _passes: bool
         _particles: NDArray[np.intp]
         _passages: PassageList
         _retire: bool
@@ -349,10 +350,10 @@ class Blocks:
         return float(self._state["clock"][changing.DIRECTION]) if self.clock.changes else self.clock.h
 
     def _stop(self, count: int) -> bool:
-        """Return whether a condition was met in the block of `count` steps just marched; if so, go back to that
-        step.
+        """Return whether something may end the march in the block of `count` steps just marched; if so, go back to
+        that step.
         """
-        found = self._watcher.met(count)
+        found = self._watcher.met(count, not self._passes)
         if found is None:
             return False
         self._stopped, (steps, self.met) = True, found

@@ -416,8 +416,7 @@ def march_handing_over(
                 _look(here, away, columns, states, p, steps, status)
             call_observer(observer, context, states, h, steps, begin, last)
             if context != 0:
-                hit = watch_at(context).hits[begin // WIDTH]
-                if found[0] <= steps and found[0] < hit[0]:
-                    hit[0], hit[1], hit[2], hit[3] = found[0], found[1], found[2], found[3]
+                hits, group = watch_at(context).hits, begin // WIDTH
+                hits[group] = min(hits[group], found[0])
             found[0] = steps + 1
     return evaluations

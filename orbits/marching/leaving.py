@@ -286,6 +286,18 @@ class LeavingMarcher(Marcher):
             super().go_back(steps)
             self._leaves = None
 
+    def step_back(self) -> None:
+        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
+        if self._away_last:
+            self._own.step_back()
+            self._keep_up()
+        else:
+            super().step_back()
+
+    def pass_by(self) -> None:
+        """Take the next step whatever pairs come to their bounds in it."""
+        self._own.pass_by() if self._away else super().pass_by()
+
     def _settle(self, place: Place) -> None:
         """Let all bodies leave or enter the map, if the way to a place begins with that."""
         if self._away and self._returns and not self._own.is_before(Place(0, self._return_time)):
@@ -386,6 +398,7 @@ class LeavingMarcher(Marcher):
         own._state["clock"][[changing.TIME, changing.NEXT]] = self._time_of(self.step)
         own._retired.follow(self._retired)
         own.step, own.block, own.met = self.step, FIRST_BLOCK, None
+        own._passes, self._passes = self._passes, False
         own.evaluations, own.particle_evaluations = self.evaluations, self.particle_evaluations
         pair = [int(self._massive[k]) if k != NOBODY else NOBODY for k in encounter.pair]
         self._away = True
@@ -405,6 +418,7 @@ class LeavingMarcher(Marcher):
             self._lost_at[lost] = self._read(own._state["particle_clock"][lost, REACHED])
             self._retired.take_over(own._retired, lost, self._lost_at[lost].astype(np.int64))
         self._away, self.step, self._looked, self.block = False, step, NOT_YET, FIRST_BLOCK
+        own._passes = False
         self._retired.begin()
         self._loops.enter(self._state, self.clock, self._retired.block)
         self._watcher.number(self._state["memory"])

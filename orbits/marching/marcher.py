@@ -60,7 +60,8 @@ class Marcher(Blocks):
     clock : the times of the steps (see `orbits.marching.clocks`); a number h is the clock of constant steps h
     names : (n,) names for messages
     threads : how many threads massless particles, and thousands of massive bodies, may use
-    stops : (conditions, 4), see `orbits.kernels.stopping`, with rows numbered in the order of the caller
+    stops : (conditions, 4), see `orbits.kernels.stopping`, with rows numbered in the order of the caller: the march
+        stops after each step in which a pair may come to its bound, until it is told to `pass_by`
     energy_bound : relative energy error that ends the march, or None
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
@@ -73,8 +74,7 @@ class Marcher(Blocks):
     underway : whether it begins in a state of a run that is over, which decided which particles are retired before
         encounters: here they are not, and may be in one
 
-    After `advance`, `met` is the (condition, row, body) that ended it, with condition `ENERGY` for the energy and
-    `TOUCHED` (see `orbits.marching.watcher`) for radii, or None.
+    After `advance`, `met` is why it stopped, `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watcher`, or None.
     """
 
     def __init__(
@@ -164,9 +164,9 @@ class Marcher(Blocks):
                 f"{integrator.label} marches other coordinates than those seen, whose energy oscillates: the condition "
                 "EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at run.drift()."
             )
-        self._stops, self._energy_bound = stops, energy_bound
-        self.met: tuple[int, int, int] | None = None
-        self._stopped = False
+        self._energy_bound = energy_bound
+        self.met: int | None = None
+        self._stopped = self._passes = False
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         if self._surfaces is not None and self.clock.changes and self._surfaces[self.parameters[1 : 1 + n].argmax()]:
             limits = (math.inf, 0.0, 0.0)  # to see all pericentres about it
@@ -232,11 +232,15 @@ class Marcher(Blocks):
         if self.clock.changes:
             self._state["clock"][changing.LIMIT] = place.rest
         self._stopped = self._arrived = False
-        self._one_block(self.next_block(place))
+        try:
+            self._one_block(self.next_block(place))
+        finally:
+            self._passes = False
 
     def next_block(self, place: Place) -> int:
         """Return the most steps of the next block on the way to a place."""
-        return self.block if self.clock.changes else min(self.block, self._most(), place.steps - self.step)
+        most = 1 if self._passes else self.block
+        return most if self.clock.changes else min(most, self._most(), place.steps - self.step)
 
     def go_back(self, steps: int) -> None:
         """Return to the state after the first `steps` steps of the last block."""
@@ -248,6 +252,28 @@ class Marcher(Blocks):
             self._retired.return_to(self.step + steps)
             self._replay(steps)
             self.step += steps
+
+    def step_back(self) -> None:
+        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
+        self.met = None
+        self.go_back(self._block[0] - 1)
+
+    def pass_by(self) -> None:
+        """Take the next step whatever pairs come to their bounds in it."""
+        self._passes = True
+
+    def next_step(self) -> tuple[float, Array, Array]:
+        """Return the time after the next step, and (q, v) there; the march does not change. Raises what `advance`
+        raises.
+        """
+        kept, block, keep, self._keep = self.checkpoint(), self.block, self._keep, None
+        try:
+            self.pass_by()
+            self.approach(Place(self.step + 1, math.inf * self.clock.direction if self.clock.changes else 0.0))
+            return self.time, *self.state()
+        finally:
+            self.restore(kept)
+            self.block, self._keep, self.met = block, keep, None
 
     def advance_to(self, place: Place) -> None:
         """March on by all whole steps before a place, which must lie ahead. Raises what `advance` raises."""
@@ -297,8 +323,7 @@ class Marcher(Blocks):
 
     def ended_at(self, time: float) -> Marcher:
         """Return a marcher that has marched on from here to end exactly at a time; for clocks whose steps differ."""
-        watched: dict[str, Any] = {"stops": self._stops, "energy_bound": self._energy_bound}
-        end = self._like_this(*self.state(), self.clock, start=self._start, **watched)
+        end = self._like_this(*self.state(), self.clock, start=self._start, energy_bound=self._energy_bound)
         end.restore(self.checkpoint())
         end.end_at(time)
         return end

@@ -319,10 +319,8 @@ def march_own_clocks(
         if lane == WIDTH - 1 or p == stop - 1:
             call_observer(observer, context, track, times[1] - times[0], steps, p - lane, stop)
             if context != 0:
-                watch = watch_at(context)
-                hit = watch.hits[(p - lane) // WIDTH]
-                if found[0] <= steps and found[0] < hit[0]:
-                    hit[0], hit[1], hit[2], hit[3] = found[0], found[1], found[2], found[3]
+                watch, group = watch_at(context), (p - lane) // WIDTH
+                watch.hits[group] = min(watch.hits[group], found[0])
                 if watch.collide != 0:
                     for k in range(p - lane, p + 1):
                         if watch.touched_own[k] != 0:

@@ -36,7 +36,7 @@ class OwnClocks:
         self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
         path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)
         self.arrays = {"path": path, "times": times}
-        counts, found = np.zeros(2, dtype=np.int64), np.zeros(4, dtype=np.int64)
+        counts, found = np.zeros(2, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self.order = np.arange(n)
         seen = self.order, np.zeros(padded(n)), np.zeros((2, stride))
         self.log = counts, np.zeros((entries, 2)), times, path, track, found, *seen

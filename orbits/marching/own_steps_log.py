@@ -38,7 +38,8 @@ class Log(NamedTuple):
     observer, context : see `orbits.kernels.observing`; no observer is called, and nothing logged, for address 0
     counts : (2,) int64; at : (room, 2), number of a step of the bodies and the part of it that has passed
     times, path, track : of the context, with room for as many states; track is NaN but for the particle's lane
-    found : (4,) int64, the first condition that was met, as in a row of `hits`; see `orbits.kernels.watch`
+    found : (1,) int64, the number of steps in the last of which a pair may come to its bound, as in `hits`; see
+        `orbits.kernels.watch`
     order : (n,) int64, the bodies of the observers in the order of those of the field
     reaches : (padded n,), those of the observers in this order; seen : (2, padded), workspace
     whole : flat, the states of the bodies at the beginnings of their steps, as the observers see them, each padded
@@ -110,10 +111,8 @@ def look(method, model, field, log, p):
     call_observer(log.observer, log.context, log.track, field.times[1] - field.times[0], last, first, p + 1)
     if watch.then != 0:
         hit = watch.hits[first // WIDTH]
-        if hit[0] <= last:
-            k = steps_until(log, hit[0])
-            if k < log.found[0]:
-                log.found[0], log.found[1], log.found[2], log.found[3] = k, hit[1], hit[2], hit[3]
+        if hit <= last:
+            log.found[0] = min(log.found[0], steps_until(log, hit))
     if watch.collide != 0:
         touched, own = watch.touched[p], watch.touched_own
         until = steps_until(log, touched) if touched <= last else NEVER

@@ -1,4 +1,4 @@
-"""The observers of a march: closest approaches, and conditions that end it."""
+"""The observers of a march: closest approaches, and what may end it."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.planet_approaches import BODY, SHARE, SHOWN, follow_planets, show_trace
-from orbits.kernels.stopping import find_met, first_energy_error, path_energy
+from orbits.kernels.stopping import find_suspect, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.alignment import aligned
 from orbits.marching.driver import TRACED
 from orbits.marching.kepler_passages import HILL_RADII
 from orbits.marching.passage_list import BlockList
 
-TOUCHED, ENERGY = -2, -1
-"""The conditions without a number: two bodies may have touched; the energy error is above its bound."""
+TOUCHED, ENERGY, SUSPECT = -2, -1, 0
+"""Why a march stops: two bodies may have touched; the energy error is above its bound; a pair may come to its bound."""
 
 SHARE_OF_ORBIT = 0.05
 """The reach of a body: within it every flyby is listed; outside it, flybys of massless particles are not recorded. It
@@ -78,7 +78,7 @@ def empty_record(rows: int) -> Array:
 
 
 class Watcher:
-    """The conditions and closest approaches of one bound system.
+    """What may end the march of one bound system, and its closest approaches.
 
     parameters : vector of the Lagrangian's kernels; gm from its second element on
     massive, particles : indices of the bodies in the order of the caller
@@ -120,7 +120,7 @@ class Watcher:
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
-        self._hits = np.zeros(((len(particles) + WIDTH - 1) // WIDTH + 1, 4), dtype=np.int64)
+        self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
         self._collide = radii is not None
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
@@ -162,7 +162,7 @@ class Watcher:
             rough = collisions.roughness(order)
             self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
-        self._compiled, self._find_met, self._find_touch, self._observer = False, 0, 0, 0
+        self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -193,12 +193,12 @@ class Watcher:
 
     def _compile(self) -> None:
         """Compile, or load from the cache, the kernels shared by the observers."""
-        self._find_met = observer_address(find_met) if len(self._stops) else 0
+        self._find_suspect = observer_address(find_suspect) if len(self._stops) else 0
         self._find_touch = observer_address(collisions.find_touch) if self._collide else 0
         self.contexts.enter(
             search=observer_address(search, SEARCH),
             enter=observer_address(enter_passage, ENTER),
-            then=self._find_met,
+            then=self._find_suspect,
             collide=self._find_touch,
         )
         self._compiled = True
@@ -280,7 +280,7 @@ class Watcher:
             parallel.follow(self, h, steps)
         elif (carry is None or not self._planets) and not self.given:
             self.follow(h, steps)
-        for observer in (self._find_met, self._find_touch):
+        for observer in (self._find_suspect, self._find_touch):
             observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
         if len(self._particles) and self.dominant >= 0:
             n = len(self._massive)
@@ -317,26 +317,26 @@ class Watcher:
             for _, listed in self.own_lists:
                 listed[:] = 0
 
-    def met(self, steps: int) -> tuple[int, tuple[int, int, int]] | None:
-        """Return the number of steps, of the `steps` just observed, after which a condition first held, and (condition,
-        body, massive body) in the numbers of the caller, with condition `ENERGY` for the energy, and `TOUCHED`, without
-        bodies, where two may have touched. None if none held.
+    def met(self, steps: int, pairs: bool = True) -> tuple[int, int] | None:
+        """Return the number of steps, of the `steps` just observed, after which the march stops, and why: `SUSPECT`
+        where a pair may come to its bound in the last of them, `ENERGY` where the error is above its bound, `TOUCHED`
+        where two bodies may have touched. None if it goes on.
+
+        pairs : whether to stop for pairs
         """
-        if not steps or not (len(self._stops) or self._energy_bound is not None or self._collide):
+        found, why = steps + 1, SUSPECT
+        if not steps:
             return None
-        found, which = steps + 1, [0, 0, 0]
-        if len(self._stops):
-            found, *which = (int(x) for x in self._hits[np.argmin(self._hits[:, 0])])
+        if pairs and len(self._stops):
+            found = int(self._hits.min())
         if self._energy_bound is not None:
             bound = self._energy_bound * abs(self._energy)
             step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self._energy, bound)
             if step < found:
-                found, which = step, [ENERGY, 0, 0]
+                found, why = step, ENERGY
         if self._collide and self._touched.min() <= min(found, steps):
-            return int(self._touched.min()), (TOUCHED, 0, 0)
-        if found > steps:
-            return None
-        return found, (which[0], int(self._rows[which[1]]), int(self._massive[which[2]]))
+            return int(self._touched.min()), TOUCHED
+        return None if found > steps else (found, why)
 
     def touched_first_in(self, step: int) -> bool:
         """Return whether it is this step, of those just observed, counted from 1, in which two bodies may first have

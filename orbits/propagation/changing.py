@@ -615,18 +615,14 @@ def march_of_run(
 ) -> March:
     """Return the march of a run of a system. Raises InputError for what cannot be sought together."""
     if not events.touching and not events.act:
-        march = bound(system, integrator, clock, threads, conditions, dense=bool(events))
+        stops = None if events.stops is None else events.stops.rows
+        march = bound(system, integrator, clock, threads, conditions, dense=bool(events), stops=stops)
         events.check(march)
         return march
-    if conditions is not None and (len(conditions.stops) or conditions.energy < np.inf):
+    if conditions is not None and conditions.energy < np.inf:
         raise InputError(
-            "stop=... with a distance or an energy is tested in steps of the same bodies, but events may change them. "
-            + (
-                "Seek an event with then='stop' instead, such as CloserThan, or end the run from callback=..., which "
-                "has the state at each sample."
-                if events.touching
-                else "Seek an event with then='stop' instead, such as CloserThan, or leave one of the two out."
-            )
+            "stop=EnergyErrorAbove(...) is tested in steps of the same bodies, but events may change them. End the run "
+            "from callback=..., which has the state at each sample, or leave one of the two out."
         )
     if not isinstance(clock, Adaptive | ConstantSteps):
         raise InputError(

@@ -29,11 +29,12 @@ from orbits.errors import (
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks import Place
 from orbits.marching.leaving import LeavingMarcher
+from orbits.marching.watcher import ENERGY
 from orbits.propagation import judgement, kepler_splitting
 from orbits.propagation.changing import ChangingMarch, March, of_this_leg
-from orbits.propagation.events.base import Happening, Sought
+from orbits.propagation.events.base import Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
-from orbits.propagation.events.particles import ParticleSearches, Sample
+from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.heartbeat import Beats, Heartbeat
 from orbits.propagation.passages_seen import Record
@@ -91,7 +92,7 @@ class RunEnds:
             event = self.events.event_of(int(row[NUMBER]))
             self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
             return True
-        found = None if marcher.met is None else self.conditions.met(*marcher.met)
+        found = self.conditions.exceeded() if marcher.met == ENERGY else None
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is None and self.deadline is not None and self.deadline.over:
             found = self.deadline.words, WallTimeOver(self.deadline.seconds)
@@ -140,7 +141,14 @@ class RunEnds:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
         if isinstance(marcher, ChangingMarch):
             return self.events.before_in(marcher.steps_beyond(time), time)
-        return self.events.before(marcher, time, record=False)
+        found = None
+        if self.events.stops is not None:
+            found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))
+        return found or self.events.before(marcher, time, record=False)
+
+    def at_a_bound(self, marcher: March, sample: Sample) -> Found | None:
+        """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
+        return None if isinstance(marcher, ChangingMarch) else self.events.before_sample(marcher, sample)
 
     def note(
         self,
@@ -490,16 +498,19 @@ def _sample(
                 return False
             if found is None:
                 break
-        if index == len(grid) and not particles:
+        if index == len(grid) and not particles and watch.events.stops is None:
             break
         if not known and marcher.clock.changes:
             known = marcher.states_before_next(grid.goals[index : index + AT_ONCE])[::-1]
         state = known.pop() if known else marcher.state_at(place)
+        accounts = marcher.accounts()
+        if watch.interrupted(system, marcher, watch.at_a_bound(marcher, Sample(goal, *state))):
+            return False
         if particles.reach(Sample(goal, *state)):
             return False
         if index == len(grid):
             break
-        store.note(marcher.accounts())
+        store.note(accounts)
         store.add(*state)
         if watch.callback is not None:
             moved_on = _moved(system, marcher, goal, *state)
@@ -511,11 +522,11 @@ def _sample(
     while (found := watch.events.before(of_this_leg(marcher), grid.end, record=True)) is not None:
         if watch.interrupted(system, marcher, found):
             return False
-    if marcher.clock.changes and (len(watch.conditions.stops) or watch.conditions.energy < np.inf):
+    if marcher.clock.changes and watch.conditions.energy < np.inf:
         with suppress(IntegrationError):
             end = of_this_leg(marcher).ended_at(grid.end)  # the last step of the march leads beyond the run
-            if end.met is not None:
-                watch.note(system, marcher, end.time, end.state(), *watch.conditions.met(*end.met))
+            if end.met == ENERGY:
+                watch.note(system, marcher, end.time, end.state(), *watch.conditions.exceeded())
     return True
 
 

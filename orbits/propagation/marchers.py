@@ -59,6 +59,7 @@ def bound(
     radii: NDArray[np.float64] | None = None,
     dense: bool = False,
     underway: bool = False,
+    stops: NDArray[np.float64] | None = None,
 ) -> Marcher:
     """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
@@ -67,6 +68,7 @@ def bound(
     radii : (n,), if it ends where two bodies may come closer than the sum of theirs
     dense : whether the motion within its steps is recorded, block by block
     underway : whether the state is one of a run that is over, which decided which particles are retired in encounters
+    stops : the pairs for which it stops; see `Marcher`
 
     Raises InputError if the integrator does not support the terms and forces of the system.
     """
@@ -85,7 +87,7 @@ def bound(
         underway=underway,
         names=system.names,
         threads=threads,
-        stops=None if conditions is None else conditions.stops,
+        stops=stops,
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
         radii=radii,
         surfaces=None if system.radii is None or clock_of(clock).changes else np.asarray(system.radii.value),

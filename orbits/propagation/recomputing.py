@@ -70,7 +70,7 @@ def recomputed(
         return None
     first = 0 if place is None else place[1]
     marcher, seeking, accounts = taken_up(archive, grid, place, events, exactly=True, threads=threads)
-    watch = RunEnds(Conditions(archive.system, ()), None, False, seeking, last_sample(archive, first))
+    watch = RunEnds(Conditions(()), None, False, seeking, last_sample(archive, first))
     integrator, begun = made_by(archive)[0], (marcher.time, marcher.step)
     run = Run(archive.system, integrator, marcher, grid, first, lambda: None, progress, watch, accounts)
     unit, steps = archive.system.units.time, grid.whole_steps

@@ -148,8 +148,9 @@ def propagate(
     overwrite : whether an existing archive may be replaced
     certificate : True certifies the integrator on this system with this step before the run, as `orbits.certify`
         does, and stores the certificate in the archive; or an existing certificate
-    stop : a condition that ends the run early, such as `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, or a list
-        of them; `run.stopped` then has the condition and the state. An archive can be resumed past it.
+    stop : a condition that ends the run early, such as `orbits.EnergyErrorAbove(1e-9)`, or a list of them;
+        `run.stopped` then has the condition and the state. An archive can be resumed past it. Distances, as in
+        `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, are events with then="stop"
     events : what is sought on the motion within steps, such as `orbits.CloseApproach("Apophis", "Earth")`, one event or
         a list of them: `run.events` is their table. They change the run only if they stop it, or act
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
@@ -280,10 +281,10 @@ def begun(
 
     origin : the scenario with options that makes the run, for its archive
     """
-    conditions = Conditions(system, stop)
+    conditions = Conditions(stop)
     check_callback(callback)
     progress = checked_choice(progress, "progress")
-    seeking = Seeking(system, events, grid.clock.direction)
+    seeking = Seeking(system, conditions.beside(events), grid.clock.direction)
     check_bodies(system, integrator)
     check_rigid(system, grid)
     marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
@@ -302,7 +303,8 @@ def begun(
             "dense=True keeps the steps of one method, but with planets='follow' encounters take others; leave it out: "
             "run.at(times) marches on from the preceding sample, through the encounters."
         )
-    if most_inner(system) and (dense or seeking.events):
+    on_motion = [type(event).__name__ for event in seeking.on_motion]
+    if most_inner(system) and (dense or on_motion):
         kinds = [*dict.fromkeys(type(force).__name__ for force in system.forces if force.variables)]
         those, change = " and ".join(kinds), "changes" if len(kinds) == 1 else "change"
         known = "a spin as well, or other internal variables"
@@ -313,7 +315,7 @@ def begun(
         )
         if not dense:
             what = "events are sought from"
-            remedy = f"leave out {few([*dict.fromkeys(type(event).__name__ for event in seeking.events)])}, or {those}."
+            remedy = f"leave out {few([*dict.fromkeys(on_motion)])}, or {those}."
         raise InputError(
             f"{what} positions and velocities, but {those} {change} {known}; {remedy}"
         )
@@ -479,6 +481,6 @@ def resumed(
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(system, ()), None, True, seeking, last_sample(old, old.committed), wall_time)
+    watch = RunEnds(Conditions(()), None, True, seeking, last_sample(old, old.committed), wall_time)
     rest = Run(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps, old.close)
     return rest._replace(heartbeat=heartbeat)

@@ -5,17 +5,14 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
-from numpy.typing import NDArray
 
-from orbits.body_names import index_of
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown, with_unit
-from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.propagation.events.base import RECORD, STOP, Sought
 from orbits.propagation.events.functions import calling, named
 from orbits.propagation.events.kinds import Distance, check_names, pairs_of
@@ -29,17 +26,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class CloserThan(Sought):
-    """Stop after the step in which two bodies came closer than a distance, even if only between its ends, where their
-    motion is taken for a cubic. Among `events`: the time at which they do, on the motion itself.
+    """Two bodies come closer than a distance, at the time at which they do on the motion itself. In `stop`, or with
+    then="stop", the run ends there.
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
-    body, other : names; None means any body. One of the two must have mass.
+    body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
     then : among `events`, what happens; see `orbits.Event`
 
-    In `stop`, distances below the error of the cubic may be missed, 1e-4 of an orbit in steps of 0.3 radians: give them
-    in `events` with then="stop".
-    A run that is to stop there is refused if two named bodies are there at its start; others record when they get
-    there again.
+    A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
+    there again. It stops as they come closer in the direction of the run; what is recorded is meant in time.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -58,15 +53,15 @@ class CloserThan(Sought):
 
 @dataclass(frozen=True)
 class FartherThan(Sought):
-    """Stop after the first step at whose end two bodies are farther apart than a distance. Among `events`: the time at
-    which they get there.
+    """Two bodies get farther apart than a distance, at the time at which they do on the motion itself. In `stop`, or
+    with then="stop", the run ends there.
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
-    body, other : names; None means any body. One of the two must have mass.
+    body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
     then : among `events`, what happens; see `orbits.Event`
 
-    A run that is to stop there is refused if two named bodies are there at its start; others record when they get
-    there again.
+    A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
+    there again. It stops as they part in the direction of the run; what is recorded is meant in time.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -118,8 +113,8 @@ Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
 class Stop:
     """Why and where a run ended early.
 
-    reason : in words; condition : the one that was met, or the event, or None if the callback ended the run
-    time : since the epoch, with unit; system : the state at that time, the end of a step
+    reason : in words; condition : the event or the condition that was met, or None if the callback ended the run
+    time : since the epoch, with unit; system : the state at that time
     """
 
     reason: str
@@ -129,12 +124,13 @@ class Stop:
 
 
 class Conditions:
-    """Conditions in the units of a system, in the form that the marcher needs.
+    """What was given as `stop`.
 
-    stops : (conditions, 4), see `orbits.kernels.stopping`; energy, seconds : bounds, infinite if there are none
+    distances : the conditions on distances, as events that stop a run
+    energy, seconds : bounds, infinite if there are none
     """
 
-    def __init__(self, system: System, stop: Condition | Sequence[Condition]) -> None:
+    def __init__(self, stop: Condition | Sequence[Condition]) -> None:
         given = [stop] if isinstance(stop, Condition) else stop
         if not isinstance(given, list | tuple) or not all(isinstance(c, Condition) for c in given):
             raise InputError(
@@ -144,51 +140,27 @@ class Conditions:
         for c in given:
             if isinstance(c, Sought) and c.then != RECORD:
                 raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
-        self._system = system
-        self._distances = [c for c in given if isinstance(c, CloserThan | FartherThan)]
+        self.distances = [replace(c, then=STOP) for c in given if isinstance(c, CloserThan | FartherThan)]
         self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
         self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
-        self.stops: NDArray[np.float64] = np.empty((len(self._distances), 4))
-        for row, condition in enumerate(self._distances):
-            self.stops[row] = self._row(condition)
         self.energy = math.inf if self._energy is None else float(self._energy.fraction)
         self.seconds = math.inf if self._clock is None else seconds_of(self._clock.duration, "WallTimeOver.duration")
 
-    def met(self, condition: int, row: int, body: int) -> tuple[str, Condition]:
-        """Return the condition that ended a march, in words and as a value."""
-        if condition < 0:
-            assert self._energy is not None
-            return f"the energy error exceeded {self._energy.fraction:g}", self._energy
-        found = self._distances[condition]
-        names, unit = self._system.names, self._system.units.length
-        distance = with_unit(f"{math.sqrt(self.stops[condition, 3]):g}", unit)
-        if isinstance(found, CloserThan):
-            return f"{names[row]} came closer than {distance} to {names[body]}", found
-        return f"{names[row]} went farther than {distance} from {names[body]}", found
+    def beside(self, events: Sought | Sequence[Sought]) -> Sought | Sequence[Sought]:
+        """Return events with those that stop a run at a distance."""
+        given = [events] if isinstance(events, Sought) else events
+        return [*given, *self.distances] if self.distances and isinstance(given, list | tuple) else events
+
+    def exceeded(self) -> tuple[str, Condition]:
+        """Return why a march ended whose energy error is above its bound, in words and as a value."""
+        assert self._energy is not None
+        return f"the energy error exceeded {self._energy.fraction:g}", self._energy
 
     def overdue(self, seconds: float) -> tuple[str, Condition] | None:
         """Return why a run ends after so many seconds, or None."""
         if seconds <= self.seconds or self._clock is None:
             return None
         return f"it took longer than {self.seconds:g} s", self._clock
-
-    def _row(self, condition: CloserThan | FartherThan) -> tuple[float, float, float, float]:
-        system, what = self._system, type(condition).__name__
-        bound = positive_number(system.units.length_value(condition.distance, what), what)
-        rows = [ANY if n is None else index_of(n, system.names, "body") for n in (condition.body, condition.other)]
-        named = [row for row in rows if row != ANY]
-        if len(named) == 2:
-            if named[0] == named[1]:
-                raise InputError(f"{what}: {condition.body!r} twice; expected two bodies.")
-            if not system.massive[named].any():
-                raise InputError(
-                    f"{what}: {condition.body} and {condition.other} are both massless particles, which are not "
-                    "followed in pairs; expected a body with mass among the two."
-                )
-        if len(named) == 2:
-            _check_start(condition, system, named[0], np.array(named[1:]), bound)
-        kind = CLOSER if isinstance(condition, CloserThan) else FARTHER
-        return kind, rows[0], rows[1], bound * bound
 
     @staticmethod
     def _least(conditions: list[Any], field: str) -> Any:

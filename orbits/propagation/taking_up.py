@@ -12,8 +12,7 @@ from orbits.errors import ArchiveError
 from orbits.marching.leaving import LeavingMarcher
 from orbits.propagation.changing import ChangingMarch, March, march_of_run
 from orbits.propagation.events.again import sought_again
-from orbits.propagation.events.base import Sought
-from orbits.propagation.events.particles import Sample
+from orbits.propagation.events.base import Sample, Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import restore
 from orbits.propagation.sample_store import accounts_in

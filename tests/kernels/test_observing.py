@@ -25,7 +25,7 @@ ARRAYS = {
     "reaches": (11,),
     "record": (4, 2, 9),
     "stops": (2, 4),
-    "hits": (2, 4),
+    "hits": (2,),
     "passages": (2, 18),
     "listed": (2,),
 }
@@ -66,7 +66,7 @@ def increase_last(context, track, h, steps, start, stop):
     for table in (watch.annuli, watch.stops, watch.passages):
         table[table.shape[0] - 1, table.shape[1] - 1] += 1.0
     watch.listed[watch.listed.shape[0] - 1] += 1
-    watch.hits[watch.hits.shape[0] - 1, watch.hits.shape[1] - 1] += 1
+    watch.hits[watch.hits.shape[0] - 1] += 1
     record = watch.record
     record[record.shape[0] - 1, record.shape[1] - 1, record.shape[2] - 1] += 1.0
 

@@ -261,7 +261,8 @@ def test_closest_approaches_and_conditions_see_positions_and_velocities():
     assert found.speed.value == pytest.approx(np.linalg.norm(fine.v.value[k, 3] - fine.v.value[k, 0]), rel=1e-3)
     limit = 1.001 * distance[k]
     stopped = march(system, orbits.Gauss(stages=8), duration=20.0, stop=orbits.CloserThan(limit, "p", "planet"))
-    assert np.linalg.norm(stopped.stopped.system["p"].q - stopped.stopped.system["planet"].q) < limit
+    apart = np.linalg.norm((stopped.stopped.system["p"].q - stopped.stopped.system["planet"].q).value)
+    assert apart == pytest.approx(limit, rel=1e-12)
 
 
 def test_an_approach_is_found_with_the_time_of_the_run_and_the_force_of_the_particle():

@@ -179,7 +179,7 @@ def test_a_run_that_a_condition_ends_keeps_the_steps_up_to_there():
     run = orbits.propagate(system(), duration=20.0, samples=3, dense=True, stop=stop, **QUIET)
     assert run.stopped is not None
     end = float(run.stopped.time)
-    assert run.kept.times[-1, 0] == end
+    assert run.kept.times[-1, 0] < end  # the last whole step
     assert np.abs(run.at(end).q - run.stopped.system.q).max() < 1e-15  # its time has a second part; 2.2e-16
 
 

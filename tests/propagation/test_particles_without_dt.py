@@ -257,7 +257,8 @@ def test_conditions_hold_for_passages_within_a_step():
     start = apophis_2029()
     near = propagate(start, 150 * u.day, stop=orbits.CloserThan(39_000 * u.km, "Apophis", "Earth"))
     assert near.stopped is not None
-    assert near.stopped.time.value == pytest.approx(102, abs=3)  # at the end of the step of the bodies
+    body, earth = (near.stopped.system[name].q for name in ("Apophis", "Earth"))
+    assert np.linalg.norm((body - earth).to_value(u.km)) == pytest.approx(39_000, abs=1e-4)  # of 1e-15 au in each
     far = propagate(start, 150 * u.day, stop=orbits.CloserThan(38_000 * u.km, "Apophis", "Earth"))
     assert far.stopped is None
 

@@ -21,17 +21,14 @@ def system():
 def test_a_run_ends_where_two_bodies_are_close_and_says_so(system):
     stop = orbits.CloserThan(0.3 * u.au, "Venus", "Earth-Moon barycenter")
     run = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=20 * u.yr, samples=[3000.0, 7000.0], stop=stop)
-    assert run.stopped.condition is stop
-    assert "came closer than 0.3 AU to" in run.stopped.reason
+    assert run.stopped.condition == dataclasses.replace(stop, then="stop")
+    assert run.stopped.reason.startswith("Venus and Earth-Moon barycenter: closer than 0.3 AU at t = ")
     assert not run.complete
     assert len(run) == 0
     at = run.stopped.system
     apart = np.linalg.norm(at.q[at.names.index("Venus")] - at.q[at.names.index("Earth-Moon barycenter")])
-    assert apart.to_value(u.au) < 0.3
+    assert apart.to_value(u.au) == pytest.approx(0.3, rel=1e-14)  # about the rounding of positions of 1 au
     assert at.epoch == system.epoch + run.stopped.time
-    before = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=run.stopped.time - 6 * u.day, samples=2)
-    apart = np.linalg.norm(before["Venus"].q[-1] - before["Earth-Moon barycenter"].q[-1])
-    assert apart.to_value(u.au) > 0.3
     plain = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=run.stopped.time, samples=2)
     assert np.array_equal(plain.q[-1], at.q)  # to the last bit
 
@@ -40,7 +37,7 @@ def test_a_stopped_archive_goes_on_to_the_bits_of_a_run_that_was_not_stopped(sys
     options = {"dt": 6 * u.day, "duration": 3 * u.yr, "samples": 7}
     stop = [orbits.FartherThan(2.95 * u.au, "Ceres", "Sun"), orbits.EnergyErrorAbove(1e-3)]
     run = orbits.propagate(system, GAUSS, archive=tmp_path / "stopped.h5", stop=stop, **options)
-    assert run.stopped.condition is stop[0]
+    assert run.stopped.condition == dataclasses.replace(stop[0], then="stop")
     assert 0 < len(run) < 7
     resumed = orbits.resume(tmp_path / "stopped.h5")
     straight = orbits.propagate(system, GAUSS, **options)
@@ -52,7 +49,7 @@ def test_any_pair_will_do(system):
     run = orbits.propagate(
         system, GAUSS, dt=6 * u.day, duration=3 * u.yr, samples=2, stop=orbits.CloserThan(0.3075 * u.au)
     )
-    assert run.stopped.reason.startswith("Mercury came closer than 0.3075 AU to Sun")
+    assert run.stopped.reason.startswith("Mercury and Venus: closer than 0.3075 AU")
 
 
 def test_a_run_ends_when_its_energy_error_exceeds_a_bound(system):
@@ -95,7 +92,6 @@ def test_the_callback_sees_every_sample_and_may_end_the_run(system):
         (orbits.CloserThan(1 * u.kg), "length in AU"),
         (orbits.CloserThan(0.1, "Vulcan"), "Vulcan"),
         (orbits.CloserThan(0.1, "Venus", "venus"), "two bodies"),
-        (orbits.CloserThan(0.1, "Ceres", "Vesta"), "massless particles"),
         (orbits.CloserThan(9 * u.au, "Venus", "Sun"), "at the start already"),
         (orbits.FartherThan(0.1 * u.au, "Venus", "Sun"), "at the start already"),
         ([orbits.EnergyErrorAbove(1e-3), orbits.EnergyErrorAbove(1e-2)], "at most one"),
@@ -136,13 +132,13 @@ def test_pairs_of_many_bodies_that_are_not_looked_at_could_not_have_met(kind):
     bound = abs(extreme[1:].min()) * (1 + 1e-12 if kind is orbits.CloserThan else 1 - 1e-12)
     first = int(np.argmax(np.abs(extreme) < bound if kind is orbits.CloserThan else np.abs(extreme) > bound))
     run = orbits.propagate(ball, orbits.StormerVerlet(), duration=1.0, samples=2, stop=kind(bound), **options)
-    assert run.stopped.time == first * 2**-8
+    assert (first - 1) * 2**-8 <= run.stopped.time <= first * 2**-8
 
 
 def test_distances_may_be_texts(system):
     stop = orbits.CloserThan("0.3 AU", "Venus", "Earth-Moon barycenter")
     run = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=20 * u.yr, samples=2, stop=stop)
-    assert "came closer than 0.3 AU to" in run.stopped.reason
+    assert "closer than 0.3 AU" in run.stopped.reason
 
 
 @pytest.mark.parametrize(

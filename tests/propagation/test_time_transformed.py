@@ -197,7 +197,7 @@ def test_close_approaches_and_conditions_are_found_to_the_precision_of_the_orbit
     assert approach.time.value == pytest.approx(np.pi * np.sqrt(a**3 / 2), rel=1e-14)
     stopped = propagate(start, 6.0, stop=orbits.CloserThan(0.5, "b0", "b1")).stopped
     met = stopped.system.q.value
-    assert np.linalg.norm(met[0] - met[1]) < 0.5
+    assert np.linalg.norm(met[0] - met[1]) == pytest.approx(0.5, rel=1e-12)
     assert stopped.time.value < np.pi * np.sqrt(a**3 / 2)
 
 
@@ -205,7 +205,7 @@ def test_conditions_are_looked_at_up_to_the_end_of_the_run():
     """The last step of the march leads beyond the end: what is met before it is told all the same."""
     whole = propagate(falling(0.3), 6.0, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped
     stop = orbits.CloserThan(1.0, "b0", "b1")
-    for duration in np.linspace(float(whole.time.value), 3.0, 5):
+    for duration in np.linspace(float(whole.time.value) * (1 + 1e-9), 3.0, 5):
         assert propagate(falling(0.3), duration, stop=stop).stopped is not None
     assert propagate(falling(0.3), 1.0, stop=stop).stopped is None
 

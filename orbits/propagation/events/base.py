@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from astropy import units as u
@@ -185,6 +185,14 @@ class Bound:
             for column, x in enumerate((q, v)):
                 out[:, column] = np.linalg.norm(x[rows, pair[:, 0]] - x[rows, pair[:, 1]], axis=1)
         return out
+
+
+class Sample(NamedTuple):
+    """The states of all bodies at a time: q and v, (n, 3); NaN for retired particles."""
+
+    time: float
+    q: Array
+    v: Array
 
 
 class Touching(Bound):

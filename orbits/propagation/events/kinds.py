@@ -77,6 +77,7 @@ class Distance(PairBound):
 
     def __init__(self, words: tuple[str | None, str | None], pairs: Any, distance: float) -> None:
         super().__init__(words, pairs)
+        self.distance = distance
         self._squared = distance * distance  # infinite beyond the range of floats
 
     def of(self, q: Array, v: Array) -> Array:

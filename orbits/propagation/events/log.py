@@ -48,6 +48,11 @@ class Log:
         """Whether there is no room for another row."""
         return self._count == MOST_EVENTS
 
+    @property
+    def last(self) -> float:
+        """The time up to which events are known, in the direction of the run."""
+        return self._last
+
     def pass_by(self, time: float) -> None:
         """Take all events up to a time as known: they are in the list, and what acts has acted."""
         self._last = time * self._direction

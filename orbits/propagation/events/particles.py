@@ -9,7 +9,6 @@ which `run.at` is as well, however chaotic that is.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from orbits.marching.clocks import Clock, Place
 from orbits.marching.handing_over import METHOD
 from orbits.marching.marcher import Marcher
 from orbits.marching.motion import Motion
+from orbits.propagation.events.base import Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.marchers import bound
 from orbits.system import System
@@ -34,14 +34,6 @@ LIGHT = 1e-36
 
 NOTHING = 1e-9
 """The fraction of a step, of the dynamical time, or of the distance of two bodies, in which nothing happens twice."""
-
-
-class Sample(NamedTuple):
-    """The states of all bodies at a time: q and v, (n, 3); NaN for retired particles."""
-
-    time: float
-    q: Array
-    v: Array
 
 
 class ParticleSearches:

@@ -365,7 +365,7 @@ def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:
     if len(turns):
         own = some.of(turns)
         k, c = own.steps, own.columns
-        at[turns] = x = _root(
+        at[turns] = x = root(
             lambda x, which: rough(k[which], x, c[which]), own.low, own.high, own.g_low, own.g_high
         )
         ahead = np.where(x < 0.5, APART, -APART)
@@ -490,11 +490,11 @@ def _extrema(
         found[g[1] < 0.0] = 0.0  # the other sign: an answer
         return np.asarray(found)
 
-    _root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
+    root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
     return best, sign * g_best
 
 
-def _root(
+def root(
     function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array
 ) -> Array:
     """Return a zero of each function in its bracket, roughly, all at once.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -10,15 +11,20 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import EventError, InputError, shown, with_unit
+from orbits.body_names import index_of
+from orbits.errors import EventError, InputError, IntegrationError, shown, with_unit
+from orbits.kernels.stopping import ANY, CLOSER, FARTHER
 from orbits.marching.motion import Collected, Motion
+from orbits.marching.watcher import SUSPECT
 from orbits.propagation.acting import OfTwo
-from orbits.propagation.events.base import NOBODY, STOP, Action, Bound, Happening, Sought, Touching
+from orbits.propagation.events.base import NOBODY, STOP, Action, Bound, Happening, Sample, Sought, Touching
 from orbits.propagation.events.functions import Raised, description
+from orbits.propagation.events.kinds import Distance
 from orbits.propagation.events.left import Left, bounds_left, sides_of
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession
 from orbits.propagation.events.search import NotFiniteError, Stretch, Zeros, zeros_of
+from orbits.propagation.events.stops import Stops, pairs_that_stop
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
     BODY,
@@ -113,7 +119,9 @@ class Seeking:
                     "run.stopped.system, and go on from there; or seek it in a run without collisions."
                 )
         self.act = any(not isinstance(event.then, str) for event in self.events)
-        groups = by_particles(self._bounds, self._of, system, self.act or bool(self.touching))
+        self.stops = None if self.act or self.touching else self._stops()
+        numbers = [k for k in range(len(self._bounds)) if self.stops is None or k not in self.stops.bounds]
+        groups = by_particles(numbers, self._bounds, self._of, system, self.act or bool(self.touching))
         self.particles: list[Seeking] = []
         for particles, numbers in groups.items():
             if particles:
@@ -122,6 +130,24 @@ class Seeking:
                 search._narrow(numbers, particles)
                 self.particles.append(search)
         self._narrow(groups.get((), []), ())
+
+    def _stops(self) -> Stops | None:
+        """Return the distances at which the run ends, as far as one of the bodies has mass; None without any."""
+        bounds: dict[int, Distance] = {}
+        sought: dict[int, tuple[int, int, int]] = {}
+        for k, (bound, event) in enumerate(zip(self._bounds, self._of, strict=True)):
+            if not isinstance(bound, Distance) or event.then != STOP:
+                continue
+            given = event.given()
+            one, two = (ANY if given[x] is None else index_of(given[x], self._system.names) for x in ("body", "other"))
+            pairs = pairs_that_stop(self._system, one, two)
+            if not len(pairs):
+                continue
+            sought[k] = CLOSER if bound.words[0] else FARTHER, one, two
+            bounds[k], bound.pairs = bound, pairs
+            if self._direction < 0.0:  # what is met in the direction of the run
+                bound.words = bound.words[::-1]
+        return Stops(bounds, sought) if bounds else None
 
     def _narrow(self, numbers: list[int], particles: tuple[int, ...]) -> None:
         """Seek the zeros of some of the functions, on the motion of the bodies with mass and of these particles."""
@@ -220,6 +246,12 @@ class Seeking:
         """Whether there are functions whose zeros are sought on the motion of the bodies with mass."""
         return bool(self._numbers)
 
+    @property
+    def on_motion(self) -> list[Sought]:
+        """The events that are sought on the motion of the bodies within the steps, as it was recorded."""
+        apart = () if self.stops is None else self.stops.bounds
+        return [self._of[k] for k in range(len(self._of)) if k not in apart]
+
     def check(self, marcher: Marcher) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
         if self and not marcher.tells_motion:
@@ -279,8 +311,52 @@ class Seeking:
     def after(self, marcher: Marcher) -> Found | None:
         """Take the block that was just marched; return the first event in it that interrupts the run, if any.
 
-        The events before it are then recorded, and it is as well; the march is at the begin of its step.
+        The events before it are then recorded, and it is as well; the march is at the begin of its step. So it is if
+        it stopped as a pair of bodies might come to its bound in the last step, but none does.
         """
+        if marcher.met != SUSPECT:
+            return self._after(marcher)
+        end = Sample(marcher.time, *marcher.state())
+        marcher.step_back()
+        found = self._after(marcher) or self._at_a_bound(marcher, end, end.time)
+        if found is None:
+            marcher.pass_by()
+        return found
+
+    def before_sample(self, marcher: Marcher, sample: Sample) -> Found | None:
+        """Return the event that ends the run between the state of the march and a sample less than a step ahead, if a
+        pair of bodies comes to its bound there: where it is without a sample.
+        """
+        if self.stops is None or (sample.time - marcher.time) * self._direction <= 0.0:
+            return None
+        if not self.stops.may_end(marcher, sample):
+            return None
+        with suppress(IntegrationError):
+            end = Sample(*marcher.next_step())
+            if (end.time - sample.time) * self._direction >= 0.0:
+                return self._at_a_bound(marcher, end, sample.time)
+        return self._at_a_bound(marcher, sample, sample.time)
+
+    def _at_a_bound(self, marcher: Marcher, end: Sample, until: float) -> Found | None:
+        """Return the first event that ends the run between the state of the march and another, if a pair of bodies
+        comes to its bound up to a time; it is recorded, with those before it.
+        """
+        assert self.stops is not None
+        passed = self.stops.first(marcher, end, self.log.last + SAME * abs(end.time - marcher.time))
+        if passed is None or (passed.time - until) * self._direction > 0.0:
+            return None
+        earlier = self.before(marcher, passed.time, record=True)
+        if earlier is not None:
+            return earlier
+        number, column, time = passed
+        bound, columns = self._bounds[number], np.array([column])
+        t, (q, v) = np.array([time]), (x[None] for x in marcher.state_after(time - marcher.time))
+        rising = bound.words[0] is None
+        self._add(np.concatenate([[time, number, rising], bound.pairs[column], *bound.figures(t, q, v, columns)]), True)
+        self.log.pass_by(time)
+        return Found(number, column, rising, 0, time)
+
+    def _after(self, marcher: Marcher) -> Found | None:
         if not self:
             return None
         found = self.take(marcher.motion())

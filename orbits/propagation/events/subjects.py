@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,14 +18,17 @@ MOST_PARTICLES = 64
 
 
 def by_particles(
-    bounds: Sequence[Bound], of: Sequence[Sought], system: System, act: bool
+    numbers: Iterable[int], bounds: Sequence[Bound], of: Sequence[Sought], system: System, act: bool
 ) -> dict[tuple[int, ...], list[int]]:
     """Return the numbers of the functions of the same massless bodies, by the numbers of these bodies.
+
+    numbers : of the functions
 
     Raises InputError for what cannot be sought of massless bodies.
     """
     groups: dict[tuple[int, ...], list[int]] = {}
-    for number, (bound, event) in enumerate(zip(bounds, of, strict=True)):
+    for number in numbers:
+        bound, event = bounds[number], of[number]
         needed = bound.bodies()
         concerned = np.unique(np.concatenate([bound.pairs.ravel(), [] if needed is None else needed]).astype(int))
         particles = tuple(int(k) for k in concerned if k != NOBODY and not system.massive[k])
