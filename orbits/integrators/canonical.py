@@ -228,7 +228,7 @@ def iterate(method, model, times, state, V, work):
     """
     d, stages = dimension(model.tag, model.parameters), int(method.coefficients[STAGES, 0])
     blocks = (d + WIDTH - 1) // WIDTH
-    hb, history = load(method.coefficients, HB), work.history
+    hb, history = load(method.coefficients, HB), work.history[: 3 * blocks]
     sound, where, evaluations = True, 0, 0
     for attempt in range(ATTEMPTS):
         if attempt > 0:
@@ -257,20 +257,20 @@ def iterate(method, model, times, state, V, work):
                 finished = True
                 break
             if iteration == 1:
-                begin(work.change, history, blocks)
-            elif not falling(work.change, history, blocks):
+                begin(work.change, history)
+            elif not falling(work.change, history):
                 patience -= 1
-                last = patience == 0 or settled(history, blocks, FLOOR)
+                last = patience == 0 or settled(history, FLOOR)
         if finished:
             finite = finite_rows(V, d) and finite_rows(work.F, d)
             # A stalled iteration gets a new Jacobian; if even the last one stalls, rounding of the forces is the limit.
-            where = unsettled_coordinate(history, blocks, d, TIGHT, FLOOR)
+            where = unsettled_coordinate(history, d, TIGHT, FLOOR)
             if where >= 0 and attempt == ATTEMPTS - 1:
                 count = bodies(model.tag, model.parameters)
                 if count > 0:
-                    where = unsettled_body(history, blocks, count, CONVERGED)
+                    where = unsettled_body(history, count, 3, CONVERGED)
                 else:
-                    where = unsettled_coordinate(history, blocks, d, NEAR_FLOOR, NEAR_FLOOR)
+                    where = unsettled_coordinate(history, d, NEAR_FLOOR, NEAR_FLOOR)
             if finite and where < 0:
                 return OK, 0, evaluations
     return (NOT_CONVERGED if sound else NOT_FINITE), max(where, 0), evaluations
