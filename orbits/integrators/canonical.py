@@ -21,22 +21,20 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import bodies, dimension, gradients, hessians
+from orbits.kernels.binding import Tag, bodies, dimension, gradients, hessians
 from orbits.kernels.compile import kernel
 from orbits.kernels.iteration import (
     CONVERGED,
     FLOOR,
     NEAR_FLOOR,
-    PATIENCE,
     TIGHT,
-    begin,
-    falling,
-    settled,
+    solve,
     unsettled_body,
     unsettled_coordinate,
 )
 from orbits.kernels.lanes import WIDTH, any_lane, full, load, store
-from orbits.kernels.linear import factorize, solve, solve_rows
+from orbits.kernels.linear import factorize, solve_rows
+from orbits.kernels.linear import solve as solve_linear
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, NOT_REGULAR, OK
 from orbits.kernels.summation import add_compensated, compensated_row_sums
 from orbits.tableaux import SymplecticTableau
@@ -63,6 +61,7 @@ class Work(NamedTuple):
     matrix : (8 d, 8 d) of Newton's method, pivots (8 d,) its row exchanges
     mass : (d, d) mass matrix of the start, mass_pivots (d,) its row exchanges
     vector : (8 rows,), the unknowns of Newton's method, ordered by stage
+    sound : (1,), whether the forces at the first stages are finite
     """
 
     start: Any
@@ -80,6 +79,7 @@ class Work(NamedTuple):
     mass: Any
     mass_pivots: Any
     vector: Any
+    sound: Any
 
 
 @kernel(inline=True)
@@ -108,10 +108,11 @@ def work_in(scratch, rows, d):
         curvature,
         curvature.reshape(-1),
         matrix,
-        pivots[d:],
+        pivots[2 * d :],
         mass,
-        pivots[:d],
+        pivots[1 : d + 1],
         vector,
+        pivots[:1],
     )
 
 
@@ -206,7 +207,7 @@ def solve_stages(work, d, stages):
     for i in range(stages):
         for m in range(d):
             work.vector[i * d + m] = work.delta[m, i]
-    solve(work.matrix, stages * d, work.pivots, work.vector)
+    solve_linear(work.matrix, stages * d, work.pivots, work.vector)
     for m in range(d):
         for i in range(WIDTH):
             work.delta[m, i] = work.vector[min(i, stages - 1) * d + m]
@@ -222,14 +223,37 @@ def finite_rows(rows, d):
 
 
 @kernel(inline=True)
+def sweep(equations, first):
+    """Compute the velocities V of the stages from the residuals of their momenta: by Newton's matrix, or by the mass
+    matrix of the start.
+    """
+    method, model, times, state, V, work, newton = equations
+    d, stages = dimension(model.tag, model.parameters), int(method.coefficients[STAGES, 0])
+    hb = load(method.coefficients, HB)
+    evaluate(method, model, times, state, V, work, d)
+    if newton:
+        solve_stages(work, d, stages)
+    else:
+        if first:
+            work.sound[0] = finite_rows(work.F, d)
+        solve_rows(work.mass, d, work.mass_pivots, work.delta)
+    for k in range(d):
+        new = load(V, k) + load(work.delta, k)
+        store(V, k, new)
+        store(work.change, k, abs(hb * new) if first else abs(hb * load(work.delta, k)))
+    return work.change, True
+
+
+VELOCITIES = Tag("stages in canonical form", {"sweep": sweep})
+
+
+@kernel(inline=True)
 def iterate(method, model, times, state, V, work):
     """Iterate the velocities of the stages: by fixed-point iteration, then by Newton's method. Returns (status, where,
     evaluations).
     """
-    d, stages = dimension(model.tag, model.parameters), int(method.coefficients[STAGES, 0])
-    blocks = (d + WIDTH - 1) // WIDTH
-    hb, history = load(method.coefficients, HB), work.history
-    sound, where, evaluations = True, 0, 0
+    d, where, evaluations = dimension(model.tag, model.parameters), 0, 0
+    history = work.history[: 3 * ((d + WIDTH - 1) // WIDTH)]
     for attempt in range(ATTEMPTS):
         if attempt > 0:
             if attempt == 1:
@@ -238,54 +262,32 @@ def iterate(method, model, times, state, V, work):
             evaluations += 1
             if not linearize(method, model, times, state, V, work):
                 break
-        iteration, patience, last, finished = 0, PATIENCE, False, False
-        while iteration < (FIXED_POINT_SWEEPS if attempt == 0 else NEWTON_SWEEPS):
-            evaluate(method, model, times, state, V, work, d)
-            evaluations += 1
-            if attempt == 0 and iteration == 0:
-                sound = finite_rows(work.F, d)
-            if attempt == 0:
-                solve_rows(work.mass, d, work.mass_pivots, work.delta)
-            else:
-                solve_stages(work, d, stages)
-            for k in range(d):
-                new = load(V, k) + load(work.delta, k)
-                store(V, k, new)
-                store(work.change, k, abs(hb * new) if iteration == 0 else abs(hb * load(work.delta, k)))
-            iteration += 1
-            if last:
-                finished = True
-                break
-            if iteration == 1:
-                begin(work.change, history, blocks)
-            elif not falling(work.change, history, blocks):
-                patience -= 1
-                last = patience == 0 or settled(history, blocks, FLOOR)
-        if finished:
+        equations = method, model, times, state, V, work, attempt > 0
+        limit = FIXED_POINT_SWEEPS if attempt == 0 else NEWTON_SWEEPS
+        _, sweeps, _, done = solve(VELOCITIES, equations, history, FLOOR, True, limit)
+        evaluations += sweeps
+        if done:
             finite = finite_rows(V, d) and finite_rows(work.F, d)
             # A stalled iteration gets a new Jacobian; if even the last one stalls, rounding of the forces is the limit.
-            where = unsettled_coordinate(history, blocks, d, TIGHT, FLOOR)
+            where = unsettled_coordinate(history, d, TIGHT, FLOOR)
             if where >= 0 and attempt == ATTEMPTS - 1:
                 count = bodies(model.tag, model.parameters)
                 if count > 0:
-                    where = unsettled_body(history, blocks, count, CONVERGED)
+                    where = unsettled_body(history, count, 3, CONVERGED)
                 else:
-                    where = unsettled_coordinate(history, blocks, d, NEAR_FLOOR, NEAR_FLOOR)
+                    where = unsettled_coordinate(history, d, NEAR_FLOOR, NEAR_FLOOR)
             if finite and where < 0:
                 return OK, 0, evaluations
-    return (NOT_CONVERGED if sound else NOT_FINITE), max(where, 0), evaluations
+    return (NOT_CONVERGED if work.sound[0] != 0.0 else NOT_FINITE), max(where, 0), evaluations
 
 
 @kernel(inline=True)
-def update(method, state, V, work, d):
+def update(state, K, L, d):
     """Advance positions and momenta by the sums over the stages."""
-    hb = load(method.coefficients, HB)
-    for k in range(d):
-        store(work.K, k, hb * load(V, k))
     for k in range(0, d, WIDTH):
-        moved, moved_lo = compensated_row_sums(work.K, k)
+        moved, moved_lo = compensated_row_sums(K, k)
         x, x_lo = add_compensated(load(state.q, k), load(state.q_lo, k) + moved_lo, moved)
-        kick, kick_lo = compensated_row_sums(work.F, k)
+        kick, kick_lo = compensated_row_sums(L, k)
         y, y_lo = add_compensated(load(state.p, k), load(state.p_lo, k) + kick_lo, kick)
         store(state.q, k, x)
         store(state.q_lo, k, x_lo)
@@ -305,7 +307,10 @@ def step(method, model, t, h, state, storage):
     times = load(method.coefficients, HC) + t
     status, where, evaluations = iterate(method, model, times, state, V, work)
     if status == OK:
-        update(method, state, V, work, d)
+        hb = load(method.coefficients, HB)
+        for k in range(d):
+            store(work.K, k, hb * load(V, k))
+        update(state, work.K, work.F, d)
     else:
         for k in range(d):
             store(V, k, full(0.0))

@@ -57,10 +57,9 @@ from orbits.kernels.iteration import (
     LIMIT,
     NEAR_FLOOR,
     PATIENCE,
-    judged,
+    judge_rows,
     settled,
     unsettled_body,
-    unsettled_part,
 )
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, store
 from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_FINITE, OK
@@ -217,7 +216,7 @@ def step(method, model, t, h, state, storage):
     books = storage.carry[rows:]
     inner = books[books.shape[0] - inner_rows(count) // WIDTH * 2 :]
     clear(work.D)
-    evaluations, patience, last = 0, PATIENCE, False
+    evaluations, patience, last, history = 0, PATIENCE, False, work.history[: 3 * blocks]
     while True:
         place(method, q, stages.V, work, stages, v, d)
         inner_converged = place_inner(method, count, inner, work)
@@ -234,16 +233,13 @@ def step(method, model, t, h, state, storage):
         evaluations += 1
         if last and inner_converged:
             break
-        patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
+        history, patience, last = judge_rows(work.change, history, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
     if not inner_converged:
         return INNER_NOT_CONVERGED, 0, evaluations
-    if not settled(work.history, blocks, CONVERGED):
-        if each == n:
-            body = unsettled_part(work.history, blocks, n, CONVERGED)
-        else:
-            body = unsettled_body(work.history, blocks, n, CONVERGED)
+    if not settled(history, CONVERGED):
+        body = unsettled_body(history, n, each // n, CONVERGED)
         if body >= 0:
             return NOT_CONVERGED, body, evaluations
     if not finite(work.G, work.W, d):

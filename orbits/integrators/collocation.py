@@ -46,6 +46,7 @@ from orbits.integrators.collocation_rows import (
 )
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.binding import (
+    Tag,
     accelerate,
     accelerate_close,
     bodies,
@@ -58,13 +59,10 @@ from orbits.kernels.iteration import (
     FLOOR,
     LIMIT,
     NEAR_FLOOR,
-    PATIENCE,
     TIGHT,
-    begin,
-    falling,
-    settled,
+    solve,
+    unsettled_body,
     unsettled_coordinate,
-    unsettled_part,
 )
 from orbits.kernels.lanes import (
     WIDTH,
@@ -100,6 +98,41 @@ def attract(method, model, Q, r, block, lows, out):
 
 
 @kernel(inline=True)
+def sweep(equations, first):
+    """Compute the kicks L from the positions Q of the stages, and these from L, in the first sweep of the step before.
+
+    base : R blocks of rows, the increments of the stages without L
+    g, change : (rows, 8), the accelerations at the stages of a register, and the changes of L
+    """
+    method, model, h, q, base, Q, L, g, change = equations
+    R, coefficients = registers(method), method.coefficients
+    size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
+    parts = count if count > 0 else size
+    block = Q.shape[0] // (R * layers(method))
+    lows = R * block
+    for r in range(R):
+        table = coefficients[r]
+        matrix = columns(method, table, ETA + WIDTH * R if first else ETA)
+        for k in range(size):
+            moved_by = load(base, r * block + k) + h * combine(matrix, R, table, L, block, k)
+            place(method, Q, r * block + k, lows, q[k], moved_by)
+    for r in range(R):
+        attract(method, model, Q, r, block, lows, g)
+        hb = load(coefficients[r], HB)
+        for i in range(parts):
+            most = full(0.0) if r == 0 else load(change, i)
+            for k in range(i, size, parts):
+                new = hb * load(g, k)
+                most = maximum(most, abs(new) if first else abs(new - load(L, r * block + k)))
+                store(L, r * block + k, new)
+            store(change, i, most)
+    return change, True
+
+
+STAGES = Tag("stages of collocation", {"sweep": sweep})
+
+
+@kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step; `storage.carry` holds L of the previous step, or zeros for a cold start."""
     R, coefficients = registers(method), method.coefficients
@@ -109,53 +142,24 @@ def step(method, model, t, h, state, storage):
     blocks, rows = (parts + WIDTH - 1) // WIDTH, WIDTH * ((size + WIDTH - 1) // WIDTH)
     L, Q, scratch = storage.carry, storage.stages, storage.scratch
     block = Q.shape[0] // (R * layers(method))
-    lows, start = R * block, ETA + WIDTH * R
     g, change, history = scratch[:rows], scratch[rows : 2 * rows], scratch[2 * rows : 2 * rows + 3 * blocks]
     base = scratch[2 * rows + 3 * blocks :]
     for i in range(parts, WIDTH * blocks):
         store(change, i, full(0.0))
-    evaluations = 0
     for r in range(R):
-        table = coefficients[r]
-        hc, hc_lo, continued = load(table, HC), load(table, HC_LO), columns(method, table, start)
+        hc, hc_lo = load(coefficients[r], HC), load(coefficients[r], HC_LO)
         for k in range(size):
             # Sum the increments first: q is O(30 au), dq is O(1e-3 au).
-            increment = fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k])
-            store(base, r * block + k, increment)
-            place(method, Q, r * block + k, lows, q[k], increment + h * combine(continued, R, table, L, block, k))
-    iteration, patience, last = 0, PATIENCE, False
-    while True:
-        for r in range(R):
-            attract(method, model, Q, r, block, lows, g)
-            hb = load(coefficients[r], HB)
-            for i in range(parts):
-                most = full(0.0) if r == 0 else load(change, i)
-                for k in range(i, size, parts):
-                    new = hb * load(g, k)
-                    most = maximum(most, abs(new) if iteration == 0 else abs(new - load(L, r * block + k)))
-                    store(L, r * block + k, new)
-                store(change, i, most)
-        evaluations += 1
-        if iteration == 0:
-            begin(change, history, blocks)
-        elif not falling(change, history, blocks):
-            patience -= 1
-            last = patience == 0 or settled(history, blocks, NEAR_FLOOR if count > 0 else FLOOR)
-        iteration += 1
-        if last or iteration == LIMIT:
-            break
-        for r in range(R):
-            table = coefficients[r]
-            eta = columns(method, table, ETA)
-            for k in range(size):
-                moved_by = load(base, r * block + k) + h * combine(eta, R, table, L, block, k)
-                place(method, Q, r * block + k, lows, q[k], moved_by)
-    if count > 0 and not settled(history, blocks, CONVERGED):
-        return NOT_CONVERGED, unsettled_part(history, blocks, count, CONVERGED), evaluations
-    if count == 0:
-        where = unsettled_coordinate(history, blocks, size, TIGHT, FLOOR)
-        if where >= 0:
-            return NOT_CONVERGED, where, evaluations
+            store(base, r * block + k, fma(hc, full(v[k]), hc_lo * v[k] + hc * v_lo[k] + q_lo[k]))
+    equations = method, model, h, q, base, Q, L, g, change
+    # The last sweep is that of `finish`, in doubled precision.
+    _, evaluations, _, _ = solve(STAGES, equations, history, NEAR_FLOOR if count > 0 else FLOOR, False, LIMIT)
+    if count > 0:
+        where = unsettled_body(history, count, 1, CONVERGED)
+    else:
+        where = unsettled_coordinate(history, size, TIGHT, FLOOR)
+    if where >= 0:
+        return NOT_CONVERGED, where, evaluations
     return finish(method, model, h, state, storage), 0, evaluations + 1
 
 

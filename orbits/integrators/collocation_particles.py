@@ -17,10 +17,10 @@ from orbits.integrators.collocation_rows import (
     place,
     registers,
 )
-from orbits.kernels.binding import field, field_close, gross_field
+from orbits.kernels.binding import Tag, field, field_close, gross_field
 from orbits.kernels.compile import kernel
-from orbits.kernels.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE, TIGHT
-from orbits.kernels.lanes import WIDTH, fma, full, largest, load, store, total
+from orbits.kernels.iteration import CONVERGED, LIMIT, NEAR_FLOOR, TIGHT, solve
+from orbits.kernels.lanes import WIDTH, fma, full, largest, load, maximum, store, total
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.summation import add_compensated, moved, two_sum
 from orbits.kernels.verbs import verb
@@ -76,6 +76,39 @@ def is_round_off(method, model, h, stages, lows, Q, change):
 
 
 @kernel(inline=True)
+def sweep(equations, first):
+    """Compute the kicks L from the positions Q of the stages, and these from L, in the first sweep of the step before.
+
+    stages : those of the massive bodies; base : (3 R, 8), the increments of the stages without L
+    """
+    method, model, h, stages, (x, y, z), base, Q, L = equations
+    R, coefficients = registers(method), method.coefficients
+    block, most = stages.shape[0] // (R * layers(method)), full(0.0)
+    for r in range(R):
+        table = coefficients[r]
+        matrix = columns(method, table, ETA + WIDTH * R if first else ETA)
+        place(method, Q, 3 * r, 3 * R, x, load(base, 3 * r) + h * combine(matrix, R, table, L, 3, 0))
+        place(method, Q, 3 * r + 1, 3 * R, y, load(base, 3 * r + 1) + h * combine(matrix, R, table, L, 3, 1))
+        place(method, Q, 3 * r + 2, 3 * R, z, load(base, 3 * r + 2) + h * combine(matrix, R, table, L, 3, 2))
+    for r in range(R):
+        ax, ay, az = pull(method, model, stages, r, block, R * block, Q)
+        hb = load(coefficients[r], HB)
+        lx, ly, lz = hb * ax, hb * ay, hb * az
+        if first:
+            off = abs(lx) + abs(ly) + abs(lz)
+        else:
+            off = abs(lx - load(L, 3 * r)) + abs(ly - load(L, 3 * r + 1)) + abs(lz - load(L, 3 * r + 2))
+        most = maximum(off, most)
+        store(L, 3 * r, lx)
+        store(L, 3 * r + 1, ly)
+        store(L, 3 * r + 2, lz)
+    return most, True
+
+
+STAGES = Tag("stages of a particle in collocation", {"sweep": sweep})
+
+
+@kernel(inline=True)
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of one particle through the stages of the massive bodies.
 
@@ -85,59 +118,15 @@ def step_particles(method, model, t, h, particles, carry, storage):
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
     L, scratch, stages = carry, storage.scratch, storage.stages
     block = stages.shape[0] // (R * layers(method))
-    lows, start = R * block, ETA + WIDTH * R
+    lows = R * block
     base, Q = scratch, scratch[3 * R :]
     for r in range(R):
-        table = coefficients[r]
-        hc, hc_lo = load(table, HC), load(table, HC_LO)
-        continued = columns(method, table, start)
-        x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
-        y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
-        z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
-        store(base, 3 * r, x_base)
-        store(base, 3 * r + 1, y_base)
-        store(base, 3 * r + 2, z_base)
-        place(method, Q, 3 * r, 3 * R, x, x_base + h * combine(continued, R, table, L, 3, 0))
-        place(method, Q, 3 * r + 1, 3 * R, y, y_base + h * combine(continued, R, table, L, 3, 1))
-        place(method, Q, 3 * r + 2, 3 * R, z, z_base + h * combine(continued, R, table, L, 3, 2))
-    least = last_change = scale = 0.0
-    iteration, patience, last, evaluations = 0, PATIENCE, False, 0
-    while True:
-        now = size = 0.0
-        for r in range(R):
-            ax, ay, az = pull(method, model, stages, r, block, lows, Q)
-            hb = load(coefficients[r], HB)
-            lx, ly, lz = hb * ax, hb * ay, hb * az
-            off = abs(lx - load(L, 3 * r)) + abs(ly - load(L, 3 * r + 1)) + abs(lz - load(L, 3 * r + 2))
-            now = max(now, largest(off))
-            if iteration == 0:
-                size = max(size, largest(abs(lx) + abs(ly) + abs(lz)))
-            store(L, 3 * r, lx)
-            store(L, 3 * r + 1, ly)
-            store(L, 3 * r + 2, lz)
-        evaluations += 1
-        if iteration == 0:
-            now = scale = least = size
-        if last:
-            break
-        if iteration > 0:
-            if not (now < least and now * now > LOST * scale * last_change):
-                patience -= 1
-                last = patience == 0 or least <= NEAR_FLOOR * scale or now <= NEAR_FLOOR * scale
-            least = min(least, now)
-        last_change = now
-        iteration += 1
-        if iteration == LIMIT:
-            break
-        for r in range(R):
-            table = coefficients[r]
-            eta = columns(method, table, ETA)
-            moved_by = load(base, 3 * r) + h * combine(eta, R, table, L, 3, 0)
-            place(method, Q, 3 * r, 3 * R, x, moved_by)
-            moved_by = load(base, 3 * r + 1) + h * combine(eta, R, table, L, 3, 1)
-            place(method, Q, 3 * r + 1, 3 * R, y, moved_by)
-            moved_by = load(base, 3 * r + 2) + h * combine(eta, R, table, L, 3, 2)
-            place(method, Q, 3 * r + 2, 3 * R, z, moved_by)
+        hc, hc_lo = load(coefficients[r], HC), load(coefficients[r], HC_LO)
+        store(base, 3 * r, fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo))
+        store(base, 3 * r + 1, fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo))
+        store(base, 3 * r + 2, fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo))
+    equations = method, model, h, stages, (x, y, z), base, Q, L
+    (least, _, scale), evaluations, _, _ = solve(STAGES, equations, (0.0, 0.0, 0.0), NEAR_FLOOR, True, LIMIT)
     if not (least <= CONVERGED * scale or is_round_off(method, model, h, stages, lows, Q, least)):
         return particles, carry, NOT_CONVERGED, evaluations
     x_kick, x_kick_lo, x_drift = _sums(coefficients, R, L, 0)

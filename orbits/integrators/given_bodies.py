@@ -32,7 +32,7 @@ from orbits.integrators.collocation_rows import HB, HC, HC_LO, LAST, WEIGHTS, is
 from orbits.kernels.binding import dimension, gross_attraction, kernel_of
 from orbits.kernels.chebyshev import ROW, Given, place_given
 from orbits.kernels.compile import kernel
-from orbits.kernels.iteration import CONVERGED, LIMIT, NEAR_FLOOR, PATIENCE, judged, settled, unsettled_body
+from orbits.kernels.iteration import CONVERGED, LIMIT, NEAR_FLOOR, PATIENCE, judge_rows, settled, unsettled_body
 from orbits.kernels.lanes import WIDTH, fma, full, largest, load, select, store, total, unit
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.summation import moved
@@ -104,7 +104,7 @@ def step_others(method, model, t, h, state, storage, held):
             cold = largest(abs(load(carry, k))) == 0.0
             store(work.W, k, full(0.0) if cold else guess(method, table, carry, k, v[k]))
     momenta(model, t, stages.q, stages.v, work.f, work.s)
-    evaluations, patience, last = 0, PATIENCE, False
+    evaluations, patience, last, history = 0, PATIENCE, False, work.history[: 3 * blocks]
     while True:
         for i in range(held, n):
             for k in range(i, d, n):
@@ -122,11 +122,11 @@ def step_others(method, model, t, h, state, storage, held):
         evaluations += 1
         if last:
             break
-        patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
+        history, patience, last = judge_rows(work.change, history, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
-    if not settled(work.history, blocks, CONVERGED):
-        body = unsettled_body(work.history, blocks, n, CONVERGED)
+    if not settled(history, CONVERGED):
+        body = unsettled_body(history, n, 3, CONVERGED)
         if body >= 0:
             return NOT_CONVERGED, body, evaluations
     body = finish_others(method, model, t + h, h, state, stages, work, held)

@@ -37,7 +37,7 @@ from orbits.kernels.iteration import (
     LIMIT,
     NEAR_FLOOR,
     PATIENCE,
-    judged,
+    judge_rows,
     settled,
 )
 from orbits.kernels.lanes import WIDTH, full, load, maximum, store
@@ -178,10 +178,10 @@ def step(method, model, t, h, state, storage):
         if last:
             store(work.hours, 0, hb * g)
             break
-        patience, last = judged(work.change, work.history, blocks, evaluations, patience, NEAR_FLOOR)
+        _, patience, last = judge_rows(work.change, work.history, evaluations, patience, NEAR_FLOOR)
         if evaluations == LIMIT:
             break
-    if not settled(work.history, blocks, CONVERGED):
+    if not settled(work.history, CONVERGED):
         body = unsettled(work.history, blocks, rows, model.parameters, count)
         if body >= 0:
             return NOT_CONVERGED, body, evaluations

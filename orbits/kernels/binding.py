@@ -16,6 +16,7 @@ from typing import Any
 
 from numba import types
 from numba.core.datamodel.models import OpaqueModel
+from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 
 from orbits.kernels.lanes import full, store
@@ -89,6 +90,11 @@ register_model(SumType)(OpaqueModel)
 @unbox(SumType)
 def _unbox_tag(kind, instance, context):
     return NativeValue(context.context.get_dummy_value())
+
+
+@lower_constant(TagType)
+def _constant_tag(context, builder, kind, instance):
+    return context.get_dummy_value()
 
 
 @intrinsic
