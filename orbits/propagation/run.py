@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
@@ -13,7 +12,8 @@ from orbits.archive.pace import PACE, Pace
 from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, shown
+from orbits.errors import ArchiveError, InputError, shown
+from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation.before_the_start import check_before_start, check_bodies, check_span
@@ -224,7 +224,7 @@ def propagate(
         own = {**options, "archive": place, "overwrite": replace, "threads": of_each}
         return begun(several[k], method, grids[k], **own)
 
-    ready = each(len(several), prepared, several)
+    ready = each(len(several), prepared)
     make_folder(archive)
     runs = march_each(ready, threads, progress, in_turn=in_turn)
     return each(len(runs), lambda k: _completed(runs[k], dense, estimated, threads))
@@ -234,19 +234,15 @@ def _completed(run: Trajectory, dense: bool, estimated: bool, threads: int | Non
     """Return a run with its error bars, if they are asked for; warn of what a run with changes does not have."""
     merged = run.changes is not None and run.changes.acted_on_massive
     if merged and dense:
-        warnings.warn(
+        Finding(
             "dense=True: no steps are kept of a run in which events change the bodies; run.at(times) marches on from "
-            "the preceding sample, through the changes: its answers are right, but take longer.",
-            OrbitsWarning,
-            stacklevel=level_of_caller(),
-        )
+            "the preceding sample, through the changes: its answers are right, but take longer."
+        ).warn()
     if estimated and merged:
-        warnings.warn(
+        Finding(
             "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at "
-            "events; the run itself is complete.",
-            OrbitsWarning,
-            stacklevel=level_of_caller(),
-        )
+            "events; the run itself is complete."
+        ).warn()
     elif estimated:
         run.error_bars = error_bars(run, threads)
     return run
