@@ -25,7 +25,7 @@ from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
 from orbits.propagation.loop import Run, marching, to_its_end
 from orbits.propagation.marchers import provenance
-from orbits.propagation.run import begun, resumed
+from orbits.propagation.run import RunOptions, begun, resumed
 from orbits.propagation.side_by_side import march_in_threads
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.variations.megno import megno
@@ -257,7 +257,8 @@ def _marched(
                     path.parent.mkdir(exist_ok=True)
                     place: dict[str, Any] = {"archive": path, "overwrite": True} if task.trajectories else {}
                     grid = _grid(system, task.options)
-                    run = begun(system, task.integrator, grid, threads=1, progress=False, **place, **known)
+                    how = RunOptions(threads=1, progress=False, **place, **known)
+                    run = begun(system, task.integrator, grid, how)
             except OrbitsError as error:
                 failures[k] = error
                 continue
@@ -320,16 +321,7 @@ def _given_up(runs: Mapping[int, Trajectory], ready: Mapping[int, Run]) -> Itera
 def _continued(path: Path) -> Run | Trajectory | None:
     """Return the rest of a run that was interrupted; None, without its file, if that cannot be continued."""
     try:
-        return resumed(
-            path,
-            until=None,
-            events=(),
-            progress=False,
-            threads=1,
-            same_bits=True,
-            heartbeat=None,
-            wall_time=None,
-        )
+        return resumed(path, RunOptions(progress=False, threads=1))
     except OrbitsError:
         path.unlink()
         return None
