@@ -93,7 +93,7 @@ def few(names: Sequence[str], most: int = 12) -> str:
     """Return names joined by commas, cut short if there are many."""
     if len(names) <= most:
         return ", ".join(names)
-    return f"{', '.join(names[:most])} and {len(names) - most} more"
+    return f"{', '.join(names[:most])} and {len(names) - most:,} more"
 
 
 def orbited(names: Sequence[str], gm: NDArray[np.float64], body: str, about: str | None) -> tuple[int, int]:

@@ -6,8 +6,6 @@ the command line: 2 for wrong use, 1 for a run that failed.
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -59,37 +57,27 @@ class StorageError(OrbitsError):
 
 
 class OrbitsWarning(UserWarning):
-    """Something the caller should know: entries were left out, or digits are missing."""
+    """Something the caller should know: entries were left out, or digits are missing.
+
+    finding : what was found, an `orbits.finding.Finding`
+    trajectory : the completed run, if warnings are errors and this one was raised after it; else None. Of a list of
+        systems, a list of these
+    """
+
+    finding: Any = None
+    trajectory: Any = None
 
 
 class StepWarning(OrbitsWarning):
-    """The step is too long for the motion, as predicted before a run or as seen after it.
-
-    trajectory : the completed run, if warnings are errors and this one was raised after it; else None. Of a list of
-        systems, a list of these
-    """
-
-    trajectory: Any = None
+    """The step is too long for the motion, as predicted before a run or as seen after it."""
 
 
 class RetiredWarning(OrbitsWarning):
-    """Massless particles could not be integrated any further, and the run went on without them; see `run.retired`.
-
-    trajectory : the completed run, if warnings are errors and this one was raised after it; else None. Of a list of
-        systems, a list of these
-    """
-
-    trajectory: Any = None
+    """Massless particles could not be integrated any further, and the run went on without them; see `run.retired`."""
 
 
 class EventWarning(OrbitsWarning):
-    """Events of a run mean nothing, or may be incomplete: their function is round-off, or they happen in every step.
-
-    trajectory : the completed run, if warnings are errors and this one was raised after it; else None. Of a list of
-        systems, a list of these
-    """
-
-    trajectory: Any = None
+    """Events of a run mean nothing, or may be incomplete: their function is round-off, or they happen in every step."""
 
 
 class IntegrationError(OrbitsError):
@@ -187,10 +175,6 @@ def with_unit(figure: object, unit: object) -> str:
     return f"{figure} {unit}".rstrip()
 
 
-def level_of_caller() -> int:
-    """Return the `stacklevel` that makes a warning point to the line outside this package that led to it."""
-    package = os.path.dirname(__file__) + os.sep
-    frame, level = sys._getframe(1), 1
-    while frame.f_code.co_filename.startswith(package) and frame.f_back is not None:
-        frame, level = frame.f_back, level + 1
-    return level
+def counted(number: int, what: str) -> str:
+    """Return a number of things as it is shown in messages: "1 particle", "1,204 particles"."""
+    return f"{number:,} {what}{'s' * (number != 1)}"

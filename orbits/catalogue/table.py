@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable
 from typing import Any
 
@@ -15,7 +14,8 @@ from orbits.catalogue.names import is_comet, parts, plain
 from orbits.catalogue.orbit_columns import Columns, Orbits
 from orbits.catalogue.selection import Selection, Ways
 from orbits.catalogue.unreadable import Unreadable
-from orbits.errors import InputError, OrbitsWarning
+from orbits.errors import InputError
+from orbits.finding import Finding
 
 AU_KM = 149597870.7
 SECONDS_A_DAY = 86400.0
@@ -43,13 +43,11 @@ def catalogue_of_tables(
     unreadable.close(read)
     selection.check_found(f"the {read} bodies of {unreadable.name}")
     if 0 < digits < FEW_DIGITS:
-        warnings.warn(
+        Finding(
             f"{unreadable.name} gives the sizes of orbits with {digits} digits at most: positions are uncertain by "
             f"{10.0 ** (1 - digits):g} of the distance. Ask for full precision: full-prec=1 in the APIs, a tick box in "
-            "the query tool",
-            OrbitsWarning,
-            stacklevel=4,
-        )
+            "the query tool"
+        ).warn()
     table = joined(pieces_read, unreadable.name, unreadable.count)
     order = selection.ordered(table.numbers, called)
     return choose(

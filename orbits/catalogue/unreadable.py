@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
-from orbits.errors import InputError, OrbitsWarning, shown
+from orbits.errors import InputError, shown
+from orbits.finding import Finding
 
 SHOWN = 3
 MOST = 100_000
@@ -45,8 +45,5 @@ class Unreadable:
             raise InputError(f"{self.name}: none of its {self.count} entries can be read. {self._first[0]}")
         if self.count:
             some = "; ".join(self._first) + ("; ..." if self.count > len(self._first) else "")
-            warnings.warn(
-                f"{self.name}: {self.count} of {self.count + read} entries cannot be read and were left out: {some}",
-                OrbitsWarning,
-                stacklevel=3,
-            )
+            left_out = f"{self.count} of {self.count + read} entries cannot be read and were left out"
+            Finding(f"{self.name}: {left_out}: {some}").warn()

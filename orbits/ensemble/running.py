@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import uuid
-import warnings
 from collections import deque
 from collections.abc import Callable, Mapping
 from os import PathLike
@@ -27,11 +26,10 @@ from orbits.errors import (
     Interrupted,
     OrbitsWarning,
     StepWarning,
-    level_of_caller,
     shown,
 )
+from orbits.finding import SHOWN, Finding
 from orbits.marching.marcher import available_threads
-from orbits.propagation.alike import alike
 from orbits.propagation.marchers import BITS_DEPEND_ON, differences, provenance
 from orbits.propagation.signals import StopRequest
 
@@ -46,9 +44,6 @@ GRACE = 60.0
 
 MUCH = 2e9
 """The bytes of results from which on it is said that they are checked."""
-
-SHOWN = 5
-"""The most different wordings of warnings, or reasons of failures, that are shown."""
 
 Say = Callable[[str], None]
 
@@ -297,27 +292,25 @@ def _ended(store: Store) -> Campaign:
     entries = campaign.blocks
     failed = campaign.failed
     if failed:
-        lines = [f"block {block}: {reason}" for block, reason in list(failed.items())[:SHOWN]]
-        more = [f"and {len(failed) - SHOWN:,} more"] * (len(failed) > SHOWN)
-        text = f"{len(failed):,} of {store.blocks:,} blocks could not be integrated; see campaign.failed:\n"
-        warnings.warn(text + "\n".join(lines + more), OrbitsWarning, stacklevel=level_of_caller())
-    kinds: dict[str, dict[str, set[int]]] = {}
+        told = f"{len(failed):,} of {store.blocks:,} blocks could not be integrated; see campaign.failed:"
+        rows = [f"block {block}: {reason}" for block, reason in list(failed.items())[:SHOWN]]
+        Finding(told, rows=rows, hidden=len(failed) - SHOWN).warn()
+    found: dict[str, dict[str, dict[str, set[int]]]] = {}  # by category, kind and text
     for entry in entries:
-        for category, message in entry.warnings:
-            kinds.setdefault(category, {}).setdefault(message, set()).add(entry.block)
-    names = [*store.about["bodies"], *campaign.summary["name"]] if kinds else []
-    for category, texts in kinds.items():
-        groups = sorted(alike(texts, names), key=lambda group: -len(set().union(*group.values())))
+        for category, text, *kind in entry.warnings:  # no kind in an index of earlier versions
+            kinds = found.setdefault(category, {})
+            kinds.setdefault(kind[0] if kind else text, {}).setdefault(text, set()).add(entry.block)
+    for category, kinds in found.items():
+        groups = sorted(kinds.values(), key=lambda group: -len(set().union(*group.values())))
         lines = [_told(group, store.blocks) for group in groups[:SHOWN]]
         if len(groups) > SHOWN:
             lines.append(f"and {len(groups) - SHOWN:,} others; see campaign.blocks[k].warnings")
-        kind = StepWarning if category == StepWarning.__name__ else OrbitsWarning
-        warnings.warn("\n".join(lines), kind, stacklevel=level_of_caller())
+        Finding("\n".join(lines), StepWarning if category == StepWarning.__name__ else OrbitsWarning).warn()
     return campaign
 
 
 def _told(group: Mapping[str, set[int]], count: int) -> str:
-    """Return warnings of one wording: how many blocks have one, and the most frequent text."""
+    """Return warnings of one kind: how many blocks have one, and the most frequent text."""
     text = max(group, key=lambda text: len(group[text]))
     blocks = f"{len(set().union(*group.values())):,} of {count:,} blocks"
     more = f" ({len(group):,} texts that differ in figures, in campaign.blocks[k].warnings; this is one)"

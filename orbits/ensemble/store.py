@@ -54,7 +54,7 @@ class Entry:
     marching: float = 0.0
     worker: str = ""
     attempts: int = 1
-    warnings: tuple[tuple[str, str], ...] = ()
+    warnings: tuple[tuple[str, ...], ...] = ()
 
 
 class Store:

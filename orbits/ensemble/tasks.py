@@ -20,11 +20,12 @@ import numpy as np
 from orbits.ensemble.members import Part
 from orbits.ensemble.summaries import SURVIVED, Columns, of_particles, of_systems
 from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
+from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
 from orbits.propagation.loop import Run, marching, to_its_end
 from orbits.propagation.marchers import provenance
-from orbits.propagation.run import begun, resumed
+from orbits.propagation.run import RunOptions, begun, resumed
 from orbits.propagation.side_by_side import march_in_threads
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.variations.megno import megno
@@ -36,6 +37,9 @@ DONE, FAILED, INTERRUPTED, REFUSED = "done", "failed", "interrupted", "refused"
 
 WARM_STEPS = 3
 """The steps for which a sample is integrated so that kernels are compiled."""
+
+Said = tuple[str, str, str]
+"""The category, the text and the kind of a warning."""
 
 SLAB = 16
 """The samples that are read at once."""
@@ -75,7 +79,7 @@ class Outcome:
     state : done, failed (with its reason), interrupted by a request to stop, or refused by a worker of other versions
     columns : of the table, (members,) each;  bits : a hash of all its samples and columns
     files : size and SHA-256 of the files in the store, by name;  data : their bytes, if they are not there yet
-    warnings : category and text of each;  seconds : of work;  worker : where
+    warnings : category, text and kind of each;  seconds : of work;  worker : where
     """
 
     number: int
@@ -85,7 +89,7 @@ class Outcome:
     bits: str = ""
     files: dict[str, tuple[int, str]] = field(default_factory=dict)
     data: dict[str, bytes] = field(default_factory=dict)
-    warnings: list[tuple[str, str]] = field(default_factory=list)
+    warnings: list[Said] = field(default_factory=list)
     seconds: float = 0.0
     marching: float = 0.0
     worker: str = ""
@@ -120,7 +124,7 @@ def integrate(
     here = provenance()
     if changed := [said(key, here[key], there) for key, there in task.made_by.items() if here[key] != there]:
         return Outcome(task.number, REFUSED, "; ".join(changed), worker=worker)
-    caught: list[tuple[str, str]] = []
+    caught: list[Said] = []
     try:
         out = _worked(task, folder, asked, told, caught)
     except Interrupted as error:
@@ -192,7 +196,7 @@ def fingerprint(path: Path) -> tuple[int, str]:
 
 
 def _worked(
-    task: Task, folder: Path, asked: Callable[[], str], told: Callable[[float], None], caught: list[tuple[str, str]]
+    task: Task, folder: Path, asked: Callable[[], str], told: Callable[[float], None], caught: list[Said]
 ) -> Outcome:
     """Integrate a block. Raises what ends all of it."""
     _go_on(asked)
@@ -236,7 +240,7 @@ def _marched(
     made: Mapping[int, System],
     asked: Callable[[], str],
     told: Callable[[float], None],
-    caught: list[tuple[str, str]],
+    caught: list[Said],
 ) -> tuple[dict[int, Trajectory], dict[int, BaseException]]:
     """March systems to their ends; return the trajectories, complete or not, and the errors of those that failed."""
     known = {name: task.options[name] for name in ("stop", "events", "check_step") if name in task.options}
@@ -253,7 +257,8 @@ def _marched(
                     path.parent.mkdir(exist_ok=True)
                     place: dict[str, Any] = {"archive": path, "overwrite": True} if task.trajectories else {}
                     grid = _grid(system, task.options)
-                    run = begun(system, task.integrator, grid, threads=1, progress=False, **place, **known)
+                    how = RunOptions(threads=1, progress=False, **place, **known)
+                    run = begun(system, task.integrator, grid, how)
             except OrbitsError as error:
                 failures[k] = error
                 continue
@@ -316,16 +321,7 @@ def _given_up(runs: Mapping[int, Trajectory], ready: Mapping[int, Run]) -> Itera
 def _continued(path: Path) -> Run | Trajectory | None:
     """Return the rest of a run that was interrupted; None, without its file, if that cannot be continued."""
     try:
-        return resumed(
-            path,
-            until=None,
-            events=(),
-            progress=False,
-            threads=1,
-            same_bits=True,
-            heartbeat=None,
-            wall_time=None,
-        )
+        return resumed(path, RunOptions(progress=False, threads=1))
     except OrbitsError:
         path.unlink()
         return None
@@ -380,7 +376,7 @@ def _bits(runs: list[Trajectory], columns: Columns) -> str:
 
 
 @contextmanager
-def _collected(caught: list[tuple[str, str]]) -> Iterator[None]:
+def _collected(caught: list[Said]) -> Iterator[None]:
     """Collect warnings instead of giving them; those of lost particles are in the table."""
     with _ALONE, warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
@@ -388,7 +384,7 @@ def _collected(caught: list[tuple[str, str]]) -> Iterator[None]:
             yield
         finally:
             caught += [
-                (one.category.__name__, str(one.message))
+                (one.category.__name__, str(one.message), kind_of(one.message))
                 for one in found or ()
                 if not issubclass(one.category, RetiredWarning)
             ]

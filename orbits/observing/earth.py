@@ -7,7 +7,6 @@ rotation of the Earth is held, and a warning says what that may cost.
 
 from __future__ import annotations
 
-import warnings
 from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,7 +16,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.ephemeris import AU_KM
-from orbits.errors import OrbitsWarning, level_of_caller
+from orbits.finding import Finding
 
 if TYPE_CHECKING:
     from astropy.coordinates import EarthLocation
@@ -98,14 +97,12 @@ def _warn(first: float, last: float, years: float) -> None:
 
     begin, end = (Time(day, format="mjd").iso[:10] for day in (first, last))
     seconds = max(DRIFT * years, 0.01)
-    warnings.warn(
+    Finding(
         f"the rotation of the Earth is known from {begin} to {end}; beyond that TT - UT1 is held at its last value, so "
         f"that a place on the Earth may be up to {seconds:.2g} s of rotation, {seconds * KM_A_SECOND:.2g} km, off; "
         "right ascension and declination of the geocentre do not depend on it. A newer astropy-iers-data has later "
-        "tables.",
-        OrbitsWarning,
-        stacklevel=level_of_caller(),
-    )
+        "tables."
+    ).warn()
 
 
 class Piece(NamedTuple):

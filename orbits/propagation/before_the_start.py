@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from orbits.checks import checked_flag
-from orbits.errors import InputError, StepWarning
+from orbits.errors import InputError
+from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.propagation import kepler_splitting, step_check
 from orbits.propagation.precision import warn_if_far
-from orbits.propagation.rigid_runs import warn_if_turning_fast
+from orbits.propagation.rigid_runs import turning_fast
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -48,21 +48,23 @@ def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, c
     if checked_answer(check_step):
         warn_if_far(system, grid.end)
     check_span(system, grid)
+    warn_or_refuse(found_ahead(system, integrator, grid), check_step)
+
+
+def found_ahead(system: System, integrator: Integrator, grid: TimeGrid) -> Iterator[Finding]:
+    """Find what steps of one length do not resolve."""
     if not grid.clock.changes:
-        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
-        warn_or_refuse(lambda: check(system, integrator, grid.h, grid.end), check_step)
-        warn_or_refuse(lambda: warn_if_turning_fast(system, grid.h), check_step)
+        look = kepler_splitting.unfit if integrator.follows_kepler else step_check.too_long
+        yield from look(system, integrator, grid.h, grid.end)
+        yield from turning_fast(system, grid.h)
 
 
-def warn_or_refuse(check: Callable[[], None], check_step: Any) -> None:
-    """Call what warns of a step, if `check_step` is True; with "refuse" raise InputError with all that it warns of."""
+def warn_or_refuse(found: Iterable[Finding], check_step: Any) -> None:
+    """Warn of what is found, if `check_step` is True; with "refuse" raise InputError with all of it."""
     answer = checked_answer(check_step)
     if answer == REFUSE:
-        with warnings.catch_warnings(record=True) as found:
-            warnings.simplefilter("always", StepWarning)
-            check()
-        if found:
-            said = "\n".join(str(each.message) for each in found)
-            raise InputError(f"{said}\nThis is refused by check_step={REFUSE!r}.")
+        if texts := [str(finding) for finding in found]:
+            raise InputError("\n".join([*texts, f"This is refused by check_step={REFUSE!r}."]))
     elif answer:
-        check()
+        for finding in found:
+            finding.warn()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orbits.errors import EventWarning, RetiredWarning, StepWarning, level_of_caller
+from orbits.errors import EventWarning, RetiredWarning, StepWarning, counted
+from orbits.finding import SHOWN, Finding
 from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.approach import Approach, as_error, said
@@ -28,9 +28,6 @@ LEAST_SHARE = 1e-3
 
 MOST_JUDGED = 300
 """The most passages that are marched one by one after a run, in half a second; if there are more, the worst ones."""
-
-SHOWN = 5
-"""The most pairs named in a warning."""
 
 FEW_STEPS = 20_000
 """The most steps that are marched again to state a passage in a warning to the accuracy of the orbit."""
@@ -101,8 +98,8 @@ def _pair_of(seen: Seen, k: int) -> frozenset[int]:
     return frozenset((seen.passages[k].body, seen.passages[k].other))
 
 
-def warn_of(run: Trajectory, seen: Seen) -> None:
-    """Warn, with `StepWarning`, about passages that spoilt a run, and name the step that would have resolved them."""
+def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
+    """Find passages that spoilt a run, and the step that would have resolved them."""
     found = spoiling(run, seen, MOST_JUDGED)
     if not found:
         return
@@ -113,18 +110,16 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     worst = {_pair_of(seen, k): k for k, _ in reversed(found)}
     shown = [worst[pair] for pair in list(pairs)[:SHOWN]]
     refine(run, seen, [k for k in shown if _is_close_to_a_sample(run, seen.passages[k])])
-    lines = []
+    rows = []
     for k in shown:
         passage, errors = seen.passages[k], pairs[_pair_of(seen, k)]
         pair = passage.pair(run.system, seen.dominant)
         assert pair is not None
         more = f" ({len(errors):,} passages, {said(as_error(run.system, sum(errors)))} together)" * (len(errors) > 1)
-        lines.append(f"  {Approach.of(run.system, run.clock, passage, errors[0])}{more}.")
+        rows.append(f"{Approach.of(run.system, run.clock, passage, errors[0])}{more}")
         left = end - run.clock.time(passage.step)
         enough = min(enough, step_that_resolves(run.integrator, run.step, pair, left, end))
     unit = run.system.units.time
-    hidden = len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown)
-    more = f"\n  And {hidden:,} more, in run.unresolved()." if hidden else ""
     these = "it" if len(found) == 1 else "those named"
     remedy = f"With dt <= {in_digits(enough, unit, 2)} {these} would have been resolved"
     if not enough:
@@ -132,32 +127,36 @@ def warn_of(run: Trajectory, seen: Seen) -> None:
     if advice := instead(run.system, run.integrator):
         remedy += f". Or {advice}"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
-    count = f"{'at least ' * some}{len(found):,} close passage{'s' * (len(found) > 1)}"
-    warnings.warn(
-        f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)} did not resolve {count}; the rest of "
-        "the run is not to be trusted for these bodies:\n" + "\n".join(lines) + f"{more}\n{remedy}.",
+    yield Finding(
+        f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)} did not resolve {'at least ' * some}"
+        f"{counted(len(found), 'close passage')}; the rest of the run is not to be trusted for these bodies:",
         StepWarning,
-        stacklevel=level_of_caller(),
+        "passages not resolved",
+        rows,
+        len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown),
+        ", in run.unresolved()",
+        f"{remedy}.",
     )
 
 
-def warn_of_events(remarks: Sequence[str]) -> None:
-    """Warn, with `EventWarning`, about events that mean nothing, or may be incomplete."""
+def events_in_doubt(remarks: Sequence[str]) -> Iterator[Finding]:
+    """Find events that mean nothing, or may be incomplete."""
     if remarks:
-        text = "of the events that were sought:\n" + "\n".join(f"  {one}" for one in remarks)
-        warnings.warn(text, EventWarning, stacklevel=level_of_caller())
+        yield Finding("of the events that were sought:", EventWarning, "events in doubt", remarks)
 
 
-def warn_of_retired(run: Trajectory) -> None:
-    """Warn, with `RetiredWarning`, about the particles that were retired in a run, but for those that merged."""
+def lost(run: Trajectory) -> Iterator[Finding]:
+    """Find the particles that were retired in a run, but for those that merged."""
     asked = [particle for particle in run.retired if particle.reason in AS_ASKED]
     met = [particle for particle in run.retired if particle.reason in BEFORE_ENCOUNTERS]
     hits = [particle for particle in run.retired if particle.reason.startswith(HITS)]
     without = "{whose} q and v are NaN from then on, and run[k] leaves {them} out."
     if asked:
-        _warn_of_these(asked, f"{run.integrator.label} retired {_count(asked)}, as asked: {_of(asked, without)}")
+        told = f"{run.integrator.label} retired {_count(asked)}, as asked: {_of(asked, without)}"
+        yield _listed("retired as asked", asked, told)
     if met:
-        _warn_of_these(
+        yield _listed(
+            "retired before encounters",
             met,
             f"{run.integrator.label} retired {_count(met)} before encounters that it cannot follow, as asked: "
             f"{_of(met, without)} All others are the same as without {_of(met, '{them}')}.",
@@ -165,7 +164,7 @@ def warn_of_retired(run: Trajectory) -> None:
             + _of(met, "{whose} own."),
         )
     if hits:
-        _warn_of_these(hits, f"{_count(hits)} hit a body: {_of(hits, without)}")
+        yield _listed("hit a body", hits, f"{_count(hits)} hit a body: {_of(hits, without)}")
     known = {one.name for one in (*asked, *met, *hits)}
     retired = [one for one in run.retired if one.name not in known and one.reason != REASONS[IMPACT]]
     if not retired:
@@ -177,7 +176,8 @@ def warn_of_retired(run: Trajectory) -> None:
     else:
         how = f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)}"
         remedy = "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening."
-    _warn_of_these(
+    yield _listed(
+        "cannot be stepped",
         retired,
         f"{how} could not step {_count(retired)} any further, and the run went on without: their q and v are NaN from "
         "then on, and run[k] leaves them out. All others are the same as without them.",
@@ -193,16 +193,14 @@ def _of(retired: Sequence[RetiredParticle], words: str) -> str:
 
 
 def _count(retired: Sequence[RetiredParticle]) -> str:
-    return f"{len(retired):,} massless particle{'s' * (len(retired) > 1)}"
+    return counted(len(retired), "massless particle")
 
 
-def _warn_of_these(retired: Sequence[RetiredParticle], what: str, remedy: str = "") -> None:
-    """Warn of retired particles, the first of which are listed between what is said and what can be done."""
+def _listed(kind: str, retired: Sequence[RetiredParticle], told: str, remedy: str = "") -> Finding:
+    """Return what is said of retired particles, with the first of them."""
     first = sorted(retired, key=lambda particle: abs(particle.time.value))[:SHOWN]
-    hidden = len(retired) - len(first)
-    lines = [what, *(f"  {particle}." for particle in first)]
-    lines += [f"  And {hidden:,} more, in run.retired."] * (hidden > 0) + [remedy] * bool(remedy)
-    warnings.warn("\n".join(lines), RetiredWarning, stacklevel=level_of_caller())
+    rows, hidden = [str(particle) for particle in first], len(retired) - SHOWN
+    return Finding(told, RetiredWarning, kind, rows, hidden, ", in run.retired", remedy)
 
 
 def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:

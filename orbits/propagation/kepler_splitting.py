@@ -11,14 +11,15 @@ Source: Rauch & Holman (1999), AJ 117, 1087; Wisdom (2015), AJ 150, 127.
 from __future__ import annotations
 
 import math
-import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import few
-from orbits.errors import InputError, StepWarning, level_of_caller
+from orbits.errors import InputError, StepWarning, counted
+from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
 from orbits.integrators.wisdom_holman import WisdomHolman
 from orbits.lagrangians.base import ABOUT_ONE_BODY
@@ -32,9 +33,6 @@ if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory import Trajectory
     from orbits.trajectory.excursions import Excursions
-
-SHOWN = 5
-"""The most encounters named in a warning."""
 
 FOR_GOOD = 0.3
 """The eccentricity below which an orbit whose pericentre a step does not resolve is not resolved elsewhere either."""
@@ -72,10 +70,9 @@ def require_terms_of_dominant(system: System, integrator: Integrator) -> None:
             )
 
 
-def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float) -> None:
-    """Warn, with `StepWarning`, if steps of h do not resolve a pericentre within `span`, of planets or of massless
-    particles, or if planets come so close to each other, now or at a crossing of their orbits, that the method cannot
-    follow them.
+def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
+    """Find pericentres within `span` that steps of h do not resolve, of planets and of massless particles, and planets
+    that come so close to each other, now or at a crossing of their orbits, that the method cannot follow them.
     """
     planets = np.flatnonzero(system.massive)
     orbits = orbits_of(system, planets[planets != _dominant(system)])
@@ -95,27 +92,28 @@ def warn_if_unfit(system: System, integrator: Integrator, h: float, span: float)
         body, passed = system.names[orbits.row[fastest]], in_digits(float(orbits.pericentre[fastest]), units.length)
         enough = abs(h) * turn / least
         remedy = f"dt <= {_at_most(enough, units.time)} resolves it, or" if enough > 0.0 else "No step resolves it:"
-        warnings.warn(
+        yield Finding(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
             f"{centre}, at {passed}, a full turn would take {turn:.2g} steps; fewer than "
             f"{least} resonate with the motion.{left} {remedy} leave out "
             "dt and the method: steps are then chosen one by one.",
             StepWarning,
-            stacklevel=level_of_caller(),
+            "pericentre of a planet ahead",
         )
     if not _is_exact(system) and not system.massive.all() and not integrator.follows_encounters:
-        _warn_of_particles(system, integrator, h, span)
+        yield from _particles_too_fast(system, integrator, h, span)
         if not integrator.retires_in_encounters:
-            _warn_of_particles_near_planets(system, integrator)
+            yield from _particles_near_planets(system, integrator)
     close, count = ([], 0) if follows else close_pairs(system, orbits, SHOWN)
     if close:
-        hidden = f"\n  And {count - SHOWN:,} more pairs." if count > SHOWN else ""
-        warnings.warn(
-            f"{integrator.label} cannot follow close encounters of massive bodies, and these may have some:\n"
-            + "\n".join(f"  {text}." for text in close)
-            + f"{hidden}\n{_remedy_for_planets(integrator)}",
+        yield Finding(
+            f"{integrator.label} cannot follow close encounters of massive bodies, and these may have some:",
             StepWarning,
-            stacklevel=level_of_caller(),
+            "planets may meet",
+            close,
+            count - SHOWN,
+            " pairs",
+            _remedy_for_planets(integrator),
         )
 
 
@@ -130,8 +128,8 @@ def _remedy_for_planets(integrator: Integrator) -> str:
     return f'Let all bodies take steps that are chosen one by one there, with planets="follow"; or use {gauss}'
 
 
-def _warn_of_particles(system: System, integrator: Integrator, h: float, span: float) -> None:
-    """Warn of massless particles whose pericentres steps of h do not resolve."""
+def _particles_too_fast(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
+    """Find massless particles whose pericentres steps of h do not resolve."""
     values, units, sun = system.values, system.units, _dominant(system)
     rows = np.flatnonzero(~system.massive)
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], float(values.gm[sun])
@@ -147,28 +145,27 @@ def _warn_of_particles(system: System, integrator: Integrator, h: float, span: f
     worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < least]
     if not worst:
         return
-    lines = [
-        f"  {system.names[rows[k]]} passes {system.names[sun]} at {in_digits(pericentre[k], units.length)}, where a "
-        f"full turn would take {steps[k]:.2g} steps."
-        for k in worst[:SHOWN]
-    ]
-    hidden = f"\n  And {len(worst) - SHOWN:,} more." if len(worst) > SHOWN else ""
-    count = f"{len(worst):,} massless particle{'s' * (len(worst) > 1)}"
     enough = abs(h) * float(steps[worst[0]]) / least
     remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
     instead = f"{_following(integrator)} lets each take steps of its own there"
-    warnings.warn(
-        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {count} by {integrator.label}: fewer than "
-        f"{least} steps in a full turn resonate with the motion at a pericentre, and errors do not average out:\n"
-        + "\n".join(lines)
-        + f"{hidden}\n{remedy} {instead}.",
+    yield Finding(
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {counted(len(worst), 'massless particle')} by "
+        f"{integrator.label}: fewer than {least} steps in a full turn resonate with the motion at a pericentre, and "
+        "errors do not average out:",
         StepWarning,
-        stacklevel=level_of_caller(),
+        "pericentres of particles ahead",
+        [
+            f"{system.names[rows[k]]} passes {system.names[sun]} at {in_digits(pericentre[k], units.length)}, where a "
+            f"full turn would take {steps[k]:.2g} steps"
+            for k in worst[:SHOWN]
+        ],
+        len(worst) - SHOWN,
+        remedy=f"{remedy} {instead}.",
     )
 
 
-def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> None:
-    """Warn of massless particles that start within `HILL_RADII` of a planet: most have no passage to be seen by."""
+def _particles_near_planets(system: System, integrator: Integrator) -> Iterator[Finding]:
+    """Find massless particles that start within `HILL_RADII` of a planet: most have no passage to be seen by."""
     values, sun = system.values, _dominant(system)
     planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun], dtype=int)
     rows = np.flatnonzero(~system.massive)
@@ -182,13 +179,15 @@ def _warn_of_particles_near_planets(system: System, integrator: Integrator) -> N
         row, planet = rows[k], planets[where[k]]
         distance = in_digits(float(np.linalg.norm(values.q[row] - values.q[planet])), system.units.length)
         lines.append(f"{system.names[row]} is {distance} from {system.names[planet]}")
-    more = f", and {len(close) - SHOWN:,} more" if len(close) > SHOWN else ""
-    one, remedy = len(close) == 1, f"Use {_following(integrator)}, or Gauss(stages=8) without dt."
-    warnings.warn(
-        f"{len(close):,} massless particle{' starts' if one else 's start'} within {HILL_RADII:.0f} Hill radii of a "
-        f"planet, where {integrator.label} cannot follow {'it' if one else 'them'}: {', '.join(lines)}{more}. {remedy}",
+    start, them = ("starts", "it") if len(close) == 1 else ("start", "them")
+    yield Finding(
+        f"{counted(len(close), 'massless particle')} {start} within {HILL_RADII:.0f} Hill radii of a planet, where "
+        f"{integrator.label} cannot follow {them}:",
         StepWarning,
-        stacklevel=level_of_caller(),
+        "particles start near planets",
+        lines,
+        len(close) - SHOWN,
+        remedy=f"Use {_following(integrator)}, or Gauss(stages=8) without dt.",
     )
 
 
@@ -223,20 +222,20 @@ def encounters(
     return [k for _, k in sorted(found)]
 
 
-def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
-    """Warn, with `StepWarning`, about the passages in a run that its method did not follow."""
+def not_followed(run: Trajectory, seen: Seen) -> Iterator[Finding]:
+    """Find the passages in a run that its method did not follow."""
     found = encounters(run.system, run.integrator, run.step, seen, run.excursions)
     central = [k for k in found if seen.dominant in (seen.passages[k].body, seen.passages[k].other)]
     flybys = [k for k in found if k not in set(central)]
     some = "at least " * (seen.left_out > 0)
     if flybys:
-        passages = [Approach.of(run.system, run.clock, seen.passages[k], None) for k in flybys[:SHOWN]]
-        _warn(
+        yield _not_to_be_trusted(
             run,
             seen,
+            "encounters not followed",
             flybys,
             f"cannot follow close encounters, within {HILL_RADII:.0f} Hill radii, and had {some}{len(flybys):,},",
-            [f"{passage}" for passage in passages],
+            [str(Approach.of(run.system, run.clock, seen.passages[k], None)) for k in flybys[:SHOWN]],
         )
     if central:
         units, sun = run.system.units, run.system.names[seen.dominant]
@@ -250,35 +249,39 @@ def warn_of_encounters(run: Trajectory, seen: Seen) -> None:
                 f"{body} passes {sun} at {in_digits(passage.distance, units.length)} about t = {when}, where a full "
                 f"turn would take {steps:.2g} steps"
             )
-        _warn(
+        yield _not_to_be_trusted(
             run,
             seen,
+            "pericentres not resolved",
             central,
             f"needs {run.integrator.least_steps} steps in a full turn at a pericentre, as fewer resonate with the "
-            f"motion; {some}{len(central):,} passage{'s' * (len(central) > 1)}",
+            f"motion; {some}{counted(len(central), 'passage')}",
             lines,
             " had fewer",
         )
 
 
-def _warn(run: Trajectory, seen: Seen, found: list[int], what: str, lines: list[str], had: str = "") -> None:
-    """Warn of passages, and of the bodies concerned."""
+def _not_to_be_trusted(
+    run: Trajectory, seen: Seen, kind: str, found: list[int], what: str, rows: list[str], had: str = ""
+) -> Finding:
+    """Return what is said of passages, and of the bodies concerned."""
     massive = run.system.massive
     pairs = [(seen.passages[k].body, seen.passages[k].other) for k in found]
     who = len({body for pair in pairs for body in pair if not massive[body]})
     of_planets = any(massive[one] and massive[other] for one, other in pairs)
-    whose = f" of {who:,} massless particle{'s' * (who > 1)}" * (who > 0) + " and" * (who > 0 and of_planets)
+    whose = f" of {counted(who, 'massless particle')}" * (who > 0) + " and" * (who > 0 and of_planets)
     whose += " of massive bodies" * of_planets
     remedy = _remedy_for_planets(run.integrator)
     if not of_planets:
         remedy = f"All others are right. {_remedy_for_particles(run.integrator)}"
-    hidden = f"\n  And {len(found) - SHOWN:,} more, in run.unresolved()." if len(found) > SHOWN else ""
-    warnings.warn(
-        f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:\n"
-        + "\n".join(f"  {line}." for line in lines)
-        + f"{hidden}\n{remedy}",
+    return Finding(
+        f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:",
         StepWarning,
-        stacklevel=level_of_caller(),
+        kind,
+        rows,
+        len(found) - SHOWN,
+        ", in run.unresolved()",
+        remedy,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -17,15 +17,14 @@ from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
 from orbits.archive.pace import PACE, Pace
 from orbits.errors import (
     EventError,
-    EventWarning,
     IntegrationError,
     Interrupted,
     OrbitsError,
-    RetiredWarning,
-    StepWarning,
+    OrbitsWarning,
     StorageError,
     with_unit,
 )
+from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks import Place
 from orbits.marching.leaving import LeavingMarcher
@@ -38,10 +37,10 @@ from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.heartbeat import Beats, Heartbeat
 from orbits.propagation.passages_seen import Record
-from orbits.propagation.precision import warn_of_energy
+from orbits.propagation.precision import energy_lost
 from orbits.propagation.progress import Progress
 from orbits.propagation.replay import REPLAY, lost_by_the_end, seen_by
-from orbits.propagation.rigid_runs import is_rigid, warn_of_overlaps
+from orbits.propagation.rigid_runs import is_rigid, overlaps
 from orbits.propagation.sample_store import SampleStore
 from orbits.propagation.signals import StopRequest
 from orbits.propagation.stop_conditions import Condition, Conditions, Stop, WallTimeOver, asks_to_stop
@@ -291,20 +290,12 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         trajectory.record = Record.of(of_this_leg(marcher), end)
     yield None
     try:
-        if len(trajectory.retired) > known:
-            judgement.warn_of_retired(trajectory)
-        judgement.warn_of_events(watch.events.remarks())
-        if watch.check_step:
-            warn_of_energy(trajectory)
-        if watch.check_step and trajectory.record is not None and is_rigid(trajectory.system):
-            warn_of_overlaps(trajectory, seen_by(trajectory))
-        if watch.check_step and trajectory.record is not None and len(trajectory.record.listed):
-            with StopRequest() as late:
-                warn = kepler_splitting.warn_of_encounters if integrator.follows_kepler else judgement.warn_of
-                warn(trajectory, seen_by(trajectory))
-            if late.name:
-                raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
-    except (EventWarning, RetiredWarning, StepWarning) as warning:  # raised as errors: the run is not lost
+        with StopRequest() as late:
+            for finding in _found_in(trajectory, watch, known):
+                finding.warn()
+        if late.name:
+            raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
+    except OrbitsWarning as warning:  # raised as errors: the run is not lost
         warning.trajectory = trajectory
         if failure is None and not _was_stopped(stop, trajectory, watch):
             raise
@@ -322,6 +313,24 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         what = f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(grid)} samples done"
         raise Interrupted(what, how, trajectory=trajectory)
     return trajectory
+
+
+def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Finding]:
+    """Find what the caller should know of a run, after `known` particles were lost before it."""
+    if len(trajectory.retired) > known:
+        yield from judgement.lost(trajectory)
+    yield from judgement.events_in_doubt(watch.events.remarks())
+    if not watch.check_step:
+        return
+    yield from energy_lost(trajectory)
+    if trajectory.record is None:
+        return
+    if is_rigid(trajectory.system):
+        yield from overlaps(trajectory, seen_by(trajectory))
+    if len(trajectory.record.listed):
+        maps = trajectory.integrator.follows_kepler
+        look = kepler_splitting.not_followed if maps else judgement.not_resolved
+        yield from look(trajectory, seen_by(trajectory))
 
 
 def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:

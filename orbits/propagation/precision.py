@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orbits import diagnostics
 from orbits.diagnostics.drift import kinetic_energies, own_scale
-from orbits.errors import InputError, OrbitsWarning, StepWarning, level_of_caller, with_unit
+from orbits.errors import InputError, StepWarning, with_unit
+from orbits.finding import Finding
 from orbits.marching.adaptive import Adaptive
 from orbits.system.model import acts_on_massive, depends_on_time
 from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time, fastest_passage_of
@@ -54,17 +55,16 @@ def check_length(system: System, grid: TimeGrid) -> None:
     phase = PHASE * turns**1.5
     if phase > LOST:
         lost = "leave nothing of its phase" if phase > 1.0 else f"make its phase wrong by about {phase:.1g} rad"
-        warnings.warn(
+        Finding(
             f"duration is {length}, about {turns:.1g} turns of the fastest pair. Rounding errors alone {lost} by the "
             "end; the shape of its orbit is not concerned. Use a shorter duration if places on orbits matter.",
-            OrbitsWarning,
-            stacklevel=level_of_caller(),
-        )
+            kind="phase lost to rounding",
+        ).warn()
 
 
 def warn_if_far(system: System, span: float) -> None:
-    """Warn, with `OrbitsWarning`, if the bodies are, or within `span` will be, so far from the origin that rounded
-    positions leave few digits of their separations, and with the centre of mass as origin would leave many more.
+    """Warn if the bodies are, or within `span` will be, so far from the origin that rounded positions leave few digits
+    of their separations, and with the centre of mass as origin would leave many more.
     """
     gm, q, v, softening = system.values
     heaviest = int(gm.argmax())
@@ -82,18 +82,17 @@ def warn_if_far(system: System, span: float) -> None:
         return
     digits, length = max(int(math.log10(nearest / rounded)), 0) if nearest > 0.0 else 0, system.units.length
     far, by, closest = (with_unit(f"{x:.2g}", length) for x in (away, rounded, nearest))
-    warnings.warn(
+    Finding(
         f"the bodies are up to {far} from the origin, where positions are rounded to {by}: a separation of {closest} "
         f"has {digits} digits at the start and in the samples, though the steps between lose none. Put the centre of "
         "mass at the origin and at rest before positions are rounded; system.barycentric() afterwards keeps the digits "
         "that are left.",
-        OrbitsWarning,
-        stacklevel=level_of_caller(),
-    )
+        kind="far from the origin",
+    ).warn()
 
 
-def warn_of_energy(run: Trajectory) -> None:
-    """Warn, with `StepWarning`, if a tolerance larger than the default left an error of energy larger than itself."""
+def energy_lost(run: Trajectory) -> Iterator[Finding]:
+    """Find whether a tolerance larger than the default left an error of energy larger than itself."""
     clock, system = run.clock, run.system
     if not isinstance(clock, Adaptive) or len(run) == 0:
         return
@@ -105,10 +104,10 @@ def warn_of_energy(run: Trajectory) -> None:
     kinetic = float(kinetic_energies(system.values.gm, system.values.v)) / system.units.G
     off = abs(last - first) / own_scale(first, kinetic, lambda: abs(last) or 1.0)
     if off > tolerance:
-        warnings.warn(
+        yield Finding(
             f"with a tolerance of {tolerance:g}, the energy is wrong by {off:.2g} of itself at the end of the run, and "
             f"orbits with it: steps so long do not resolve the motion. Leave dt out: the default, {usual:.2g}, leaves "
             "only round-off.",
             StepWarning,
-            stacklevel=level_of_caller(),
+            "energy lost",
         )

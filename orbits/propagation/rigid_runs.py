@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from orbits.errors import InputError, StepWarning, level_of_caller, with_unit
+from orbits.errors import InputError, StepWarning, with_unit
+from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
@@ -46,8 +47,8 @@ def check_rigid(system: System, grid: TimeGrid) -> None:
     _check_overlaps(system)
 
 
-def warn_if_turning_fast(system: System, h: float) -> None:
-    """Warn, with `StepWarning`, if a rigid body turns too far in a step of h."""
+def turning_fast(system: System, h: float) -> Iterator[Finding]:
+    """Find whether a rigid body turns too far in a step of h."""
     fast = {name: angular_speed(turning) for name, turning in turnings(system).items()}
     if not fast:
         return
@@ -56,12 +57,12 @@ def warn_if_turning_fast(system: System, h: float) -> None:
         return
     step, period = (in_digits(x, system.units.time, 3) for x in (abs(h), 2.0 * np.pi / rate))
     enough = in_digits(2.0 * np.pi / rate / FEWEST, system.units.time, 2)
-    warnings.warn(
+    yield Finding(
         f"dt = {step} is {abs(h) * rate / (2.0 * np.pi):.2g} rotations of {name!r}, which turns in {period}. The "
         "rotation itself is exact, but the torques on it, and its pull on others, are seen at too few attitudes, and "
         f"its spin and the orbits change by wrong amounts; dt <= {enough} has {FEWEST} steps in a rotation.",
         StepWarning,
-        stacklevel=level_of_caller(),
+        "rotation too fast",
     )
 
 
@@ -72,8 +73,8 @@ def angular_speed(turning: Any) -> float:
     return float(np.linalg.norm(angular_velocities(*turning)))
 
 
-def warn_of_overlaps(run: Trajectory, seen: Seen) -> None:
-    """Warn, with `StepWarning`, if a rigid body came so near to another body in a run that they may have touched."""
+def overlaps(run: Trajectory, seen: Seen) -> Iterator[Finding]:
+    """Find whether a rigid body came so near to another body in a run that they may have touched."""
     system = run.system
     sizes, rigid = _sizes(system)
     met = [
@@ -91,12 +92,12 @@ def warn_of_overlaps(run: Trajectory, seen: Seen) -> None:
         in_digits(x, system.units.length, 3) for x in (first.distance, sizes[first.body] + sizes[first.other])
     )
     when = in_digits(run.clock.time(first.steps), system.units.time, 6)
-    warnings.warn(
+    yield Finding(
         f"{one!r} and {other!r} came to {apart} of each other at t = {when}, but reach {reach} together, as "
         "homogeneous ellipsoids with their moments of inertia: they may have touched, and the second degree of gravity "
         "is not that of bodies so near. The rest of the run is not to be trusted for them.",
         StepWarning,
-        stacklevel=level_of_caller(),
+        "bodies touch",
     )
 
 

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, overload
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, Unpack, cast, overload
 
 from orbits import integrators
 from orbits.archive.pace import PACE, Pace
 from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import ArchiveError, InputError, OrbitsWarning, level_of_caller, shown
+from orbits.errors import ArchiveError, InputError, shown
+from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.adaptive import Adaptive
 from orbits.propagation.before_the_start import check_before_start, check_bodies, check_span
@@ -196,38 +196,38 @@ def propagate(
     def grid_of(one: System) -> TimeGrid:
         return TimeGrid.of(one, dt, duration=duration, until=until, samples=samples)
 
-    options: dict[str, Any] = {
-        "certificate": certificate,
-        "stop": stop,
-        "events": events,
-        "callback": callback,
-        "check_step": check_step,
-        "dense": dense,
-        "progress": progress,
-        "heartbeat": heartbeat_of(heartbeat),
-        "wall_time": deadline,
-    }
+    how = RunOptions(
+        overwrite=checked_flag(overwrite, "overwrite"),
+        certificate=certificate,
+        stop=stop,
+        events=events,
+        callback=callback,
+        check_step=check_step,
+        dense=checked_flag(dense, "dense"),
+        progress=checked_choice(progress, "progress"),
+        threads=threads,
+        heartbeat=heartbeat_of(heartbeat),
+        wall_time=deadline,
+    )
     if isinstance(system, System):
-        options |= {"archive": archive, "overwrite": overwrite, "threads": threads}
-        method = given or default_method(system)
-        return _completed(propagated(system, method, grid_of(system), **options), dense, estimated, threads)
+        how = how._replace(archive=cast("Path | None", archive))
+        run = march(begun(system, given or default_method(system), grid_of(system), how))
+        return _completed(run, dense, estimated, threads)
     several = systems_of(system)
     method = given or default_method(*several)
     grids = each(len(several), lambda k: grid_of(several[k]))
     check_samples(grids)
-    replace = checked_flag(overwrite, "overwrite")
-    paths = archives_of(archive, len(several), replace)
+    paths = archives_of(archive, len(several), how.overwrite)
     in_turn = bool(callback) or not (isinstance(events, Sequence) and not events)
     of_each = threads if in_turn else threads_of_each(len(several), threads)
 
     def prepared(k: int) -> Run:
-        place = paths[k] if paths else None
-        own = {**options, "archive": place, "overwrite": replace, "threads": of_each}
-        return begun(several[k], method, grids[k], **own)
+        own = how._replace(archive=paths[k] if paths else None, threads=of_each)
+        return begun(several[k], method, grids[k], own)
 
-    ready = each(len(several), prepared, several)
+    ready = each(len(several), prepared)
     make_folder(archive)
-    runs = march_each(ready, threads, progress, in_turn=in_turn)
+    runs = march_each(ready, threads, how.progress, in_turn=in_turn)
     return each(len(runs), lambda k: _completed(runs[k], dense, estimated, threads))
 
 
@@ -235,65 +235,61 @@ def _completed(run: Trajectory, dense: bool, estimated: bool, threads: int | Non
     """Return a run with its error bars, if they are asked for; warn of what a run with changes does not have."""
     merged = run.changes is not None and run.changes.acted_on_massive
     if merged and dense:
-        warnings.warn(
+        Finding(
             "dense=True: no steps are kept of a run in which events change the bodies; run.at(times) marches on from "
-            "the preceding sample, through the changes: its answers are right, but take longer.",
-            OrbitsWarning,
-            stacklevel=level_of_caller(),
-        )
+            "the preceding sample, through the changes: its answers are right, but take longer."
+        ).warn()
     if estimated and merged:
-        warnings.warn(
+        Finding(
             "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at "
-            "events; the run itself is complete.",
-            OrbitsWarning,
-            stacklevel=level_of_caller(),
-        )
+            "events; the run itself is complete."
+        ).warn()
     elif estimated:
         run.error_bars = error_bars(run, threads)
     return run
 
 
-def propagated(system: System, integrator: Integrator, grid: TimeGrid, **options: Any) -> Trajectory:
-    """Propagate `system` on an existing grid of steps and samples; the options are those of `propagate`."""
-    return march(begun(system, integrator, grid, **options))
-
-
-def begun(
-    system: System,
-    integrator: Integrator,
-    grid: TimeGrid,
-    *,
-    archive: Path | None = None,
-    overwrite: bool = False,
-    certificate: bool | Certificate = False,
-    stop: Condition | Sequence[Condition] = (),
-    events: Sought | Sequence[Sought] = (),
-    callback: Callback | None = None,
-    check_step: bool | Literal["refuse"] = True,
-    dense: bool = False,
-    progress: bool | None = None,
-    threads: int | None = None,
-    heartbeat: Heartbeat | None = None,
-    wall_time: Deadline | None = None,
-    origin: Origin | None = None,
-) -> Run:
-    """Return a run on an existing grid of steps and samples, ready to be marched; otherwise as `propagate`.
+class RunOptions(NamedTuple):
+    """How a run is made on a grid of steps and samples: options of `propagate`, and of `resume`, as they are handed on.
 
     origin : the scenario with options that makes the run, for its archive
     """
-    conditions = Conditions(stop)
-    check_callback(callback)
-    progress = checked_choice(progress, "progress")
-    seeking = Seeking(system, conditions.beside(events), grid.clock.direction)
+
+    archive: Path | None = None
+    overwrite: bool = False
+    certificate: bool | Certificate = False
+    stop: Condition | Sequence[Condition] = ()
+    events: Sought | Sequence[Sought] = ()
+    callback: Callback | None = None
+    check_step: bool | Literal["refuse"] = True
+    dense: bool = False
+    progress: bool | None = None
+    threads: int | None = None
+    heartbeat: Heartbeat | None = None
+    wall_time: Deadline | None = None
+    origin: Origin | None = None
+
+
+def propagated(system: System, integrator: Integrator, grid: TimeGrid, **options: Any) -> Trajectory:
+    """Propagate `system` on an existing grid of steps and samples; the options are those of `RunOptions`."""
+    return march(begun(system, integrator, grid, RunOptions(**options)))
+
+
+def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOptions) -> Run:
+    """Return a run on an existing grid of steps and samples, ready to be marched."""
+    archive, certificate, dense = how.archive, how.certificate, how.dense
+    conditions = Conditions(how.stop)
+    check_callback(how.callback)
+    seeking = Seeking(system, conditions.beside(how.events), grid.clock.direction)
     check_bodies(system, integrator)
     check_rigid(system, grid)
-    marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions)
+    marcher = march_of_run(system, integrator, grid.clock, how.threads, seeking, conditions)
     if grid.clock.changes:
         check_length(system, grid)
-    check_before_start(system, integrator, grid, check_step)
-    watch = RunEnds(conditions, callback, bool(check_step), seeking, deadline=wall_time)
+    check_before_start(system, integrator, grid, how.check_step)
+    watch = RunEnds(conditions, how.callback, bool(how.check_step), seeking, deadline=how.wall_time)
     accounts = no_accounts(len(grid), len(system.forces), most_inner(system))
-    if checked_flag(dense, "dense") and seeking.touching:
+    if dense and seeking.touching:
         raise InputError(
             "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
             "run.at(times) marches on from the preceding sample, through the collisions."
@@ -330,8 +326,8 @@ def begun(
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        in_memory = Run(system, integrator, marcher, grid, 0, lambda: None, progress, watch, accounts, steps)
-        return in_memory._replace(heartbeat=heartbeat)
+        in_memory = Run(system, integrator, marcher, grid, 0, lambda: None, how.progress, watch, accounts, steps)
+        return in_memory._replace(heartbeat=how.heartbeat)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
 
@@ -341,8 +337,6 @@ def begun(
         raise InputError("a certificate needs steps of one length: give dt=..., or omit the certificate")
     step = grid.clock if grid.clock.changes else grid.h
     measured = certify(system, integrator, step) if certificate is True else certificate
-
-    replace = checked_flag(overwrite, "overwrite")
 
     def begin() -> ArchiveWriter:
         return ArchiveWriter.create(
@@ -355,12 +349,12 @@ def begun(
             certificate=measured.to_json() if measured else "",
             events=seeking.described(),
             steps=room_for_steps(system, integrator, grid) if dense else 0,
-            origin=origin,
-            overwrite=replace,
+            origin=how.origin,
+            overwrite=how.overwrite,
         )
 
-    run = Run(system, integrator, marcher, grid, 0, begin, progress, watch, accounts, steps)
-    return run._replace(heartbeat=heartbeat)
+    run = Run(system, integrator, marcher, grid, 0, begin, how.progress, watch, accounts, steps)
+    return run._replace(heartbeat=how.heartbeat)
 
 
 class ResumeOptions(TypedDict, total=False):
@@ -406,15 +400,21 @@ def resume(
 
     Raises ArchiveError for a file that cannot be resumed; otherwise as `propagate`.
     """
-    options = {"until": until, "events": events, "progress": progress, "same_bits": same_bits}
-    options |= {"heartbeat": heartbeat_of(heartbeat), "wall_time": Deadline.of(wall_time)}
+    exactly = checked_flag(same_bits, "same_bits")
+    how = RunOptions(
+        events=events,
+        progress=checked_choice(progress, "progress"),
+        threads=threads,
+        heartbeat=heartbeat_of(heartbeat),
+        wall_time=Deadline.of(wall_time),
+    )
     if isinstance(path, str | PathLike):
         if os.path.isdir(path):
             raise ArchiveError(
                 f"{path} is a folder; expected an archive, or a list of them: for those in it, "
                 f"orbits.resume(sorted(pathlib.Path({os.fspath(path)!r}).glob('*.h5')))."
             )
-        run = resumed(path, threads=threads, **options)
+        run = resumed(path, how, until, exactly=exactly)
         return run if isinstance(run, Trajectory) else march(run)
     if not isinstance(path, Iterable) or getattr(path, "shape", None) == ():
         raise ArchiveError(f"path is {shown(path)}; expected the path of an archive, or a list of paths.")
@@ -426,34 +426,23 @@ def resume(
     runs: list[Run | Trajectory] = []
 
     def take(k: int) -> None:
-        runs.append(resumed(paths[k], threads=of_each, **options))
+        runs.append(resumed(paths[k], how._replace(threads=of_each), until, exactly=exactly))
 
     with released_if_it_fails(runs):
         each(len(paths), take)
-    return march_each(runs, threads, checked_choice(progress, "progress"), in_turn=in_turn)
+    return march_each(runs, threads, how.progress, in_turn=in_turn)
 
 
-def resumed(
-    path: Path,
-    *,
-    until: Any,
-    events: Sought | Sequence[Sought],
-    progress: bool | None,
-    threads: int | None,
-    same_bits: bool,
-    heartbeat: Heartbeat | None,
-    wall_time: Deadline | None,
-) -> Run | Trajectory:
+def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = True) -> Run | Trajectory:
     """Return the rest of the run in an archive, ready to be marched; the trajectory if it is complete."""
     from orbits.archive import Archive, ArchiveWriter, extended
     from orbits.trajectory.archived import made_by
 
-    progress = checked_choice(progress, "progress")
     # Everything below is read under the lock: no second resume can add to the file after this one has read it.
     old = Archive.claim(path)
     try:
         system, (integrator, _) = old.system, made_by(old)
-        changed, exactly = differences(old.provenance), checked_flag(same_bits, "same_bits")
+        changed = differences(old.provenance)
         if changed and exactly:
             raise ArchiveError(
                 f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out "
@@ -467,7 +456,7 @@ def resumed(
             return Trajectory.of_archive(old, path=str(path), again=REPLAY)
         check_span(system, grid)
         place = old.checkpoint(), old.committed
-        marcher, seeking, accounts = taken_up(old, grid, place, events, exactly=exactly, threads=threads)
+        marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)
         changed_before = isinstance(marcher, ChangingMarch) and marcher.changed
         steps = None if changed_before else continued(old, of_this_leg(marcher))
     except BaseException:
@@ -481,6 +470,6 @@ def resumed(
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(()), None, True, seeking, last_sample(old, old.committed), wall_time)
-    rest = Run(system, integrator, marcher, grid, old.committed, begin, progress, watch, accounts, steps, old.close)
-    return rest._replace(heartbeat=heartbeat)
+    watch = RunEnds(Conditions(()), None, True, seeking, last_sample(old, old.committed), how.wall_time)
+    rest = Run(system, integrator, marcher, grid, old.committed, begin, how.progress, watch, accounts, steps)
+    return rest._replace(release=old.close, heartbeat=how.heartbeat)

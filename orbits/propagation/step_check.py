@@ -9,14 +9,15 @@ fraction of the change of velocity in the passage.
 from __future__ import annotations
 
 import math
-import warnings
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from orbits.elements import state_from_elements
-from orbits.errors import IntegrationError, StepWarning, level_of_caller, with_unit
+from orbits.errors import IntegrationError, StepWarning, with_unit
+from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.integrators.dominant import DOMINANT
 from orbits.propagation.approach import as_error, said
@@ -109,8 +110,8 @@ def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float
     return min(worst / max(turn, 1e-300), 1.0), turn
 
 
-def warn_if_too_long(system: System, integrator: Integrator, h: float, span: float) -> None:
-    """Warn, with `StepWarning`, if steps of h are too long for the fastest passage within `span` from now on."""
+def too_long(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
+    """Find whether steps of h are too long for the fastest passage within `span` from now on."""
     row, partner, distance, speed, e = fastest_passage_of(system, span)[:5]
     if row < 0:
         return
@@ -127,10 +128,10 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
     if system.values.gm[row] > system.values.gm[partner]:
         name, other = other, name
     if not math.isfinite(angle):
-        warnings.warn(
+        yield Finding(
             f"{name} falls straight into {other}: no step resolves that. Use a softening, or other initial values.",
             StepWarning,
-            stacklevel=level_of_caller(),
+            "fall ahead",
         )
         return
     share, turn = passage_error(integrator, e, angle)
@@ -152,12 +153,12 @@ def warn_if_too_long(system: System, integrator: Integrator, h: float, span: flo
     remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it{advice and f', or {advice}'}"
     if not enough:
         remedy = f"no step that is practical resolves it with this method{advice and f': {advice}'}"
-    warnings.warn(
+    yield Finding(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
         f"{in_digits(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
         f"{what}; {remedy}.",
         StepWarning,
-        stacklevel=level_of_caller(),
+        "passage ahead",
     )
 
 

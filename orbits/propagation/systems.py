@@ -12,13 +12,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from orbits.archive.creation import check_target
 from orbits.checks import whole_number
-from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, level_of_caller, shown
+from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, shown
+from orbits.finding import SHOWN, Finding, kind_of
 from orbits.marching.marcher import available_threads
-from orbits.propagation.alike import alike
 from orbits.propagation.heartbeat import Pulse
 from orbits.propagation.loop import Marching, Run, marching, to_its_end
 from orbits.propagation.progress import Progress
@@ -29,10 +29,6 @@ from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 T = TypeVar("T")
-
-SHOWN = 5
-"""The most different wordings of warnings, or errors, that are shown of the systems of a list."""
-
 
 def systems_of(given: object) -> list[System]:
     """Return a list of systems of equal shape. Raises InputError for anything else, naming those that differ."""
@@ -142,9 +138,9 @@ def _numbered(text: str, count: int) -> list[Path]:
     return paths
 
 
-def each(count: int, make: Callable[[int], T], systems: Iterable[System] = ()) -> list[T]:
+def each(count: int, make: Callable[[int], T]) -> list[T]:
     """Call a function with the number of each system; warnings are given together, and an error names the system."""
-    made, found = [], _Warnings(count, systems)
+    made, found = [], _Warnings(count)
     for k in range(count):
         with found.of(k):
             try:
@@ -157,59 +153,44 @@ def each(count: int, make: Callable[[int], T], systems: Iterable[System] = ()) -
 
 
 class _Warnings:
-    """The warnings of several systems, given together: each wording once, with the numbers of its systems.
+    """The warnings of several systems, given together: each kind once, with the numbers of its systems."""
 
-    systems : them, for the names of their bodies, in which texts of the same wording may differ
-    """
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._found: dict[type[Warning], dict[str, dict[str, list[int]]]] = {}  # by category, kind and text
 
-    def __init__(self, count: int, systems: Iterable[System] = ()) -> None:
-        self._count, self._systems = count, systems
-        self._found: dict[tuple[type[Warning], str], list[int]] = {}
-
-    def of(self, k: int) -> _Caught:
-        """Return a context in which warnings are those of system k."""
-        return _Caught(k, self._found)
+    @contextmanager
+    def of(self, k: int) -> Iterator[None]:
+        """A context that collects the warnings of system k instead of giving them."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            try:
+                yield
+            finally:
+                for one in caught:
+                    kinds = self._found.setdefault(one.category, {})
+                    numbers = kinds.setdefault(kind_of(one.message), {}).setdefault(str(one.message), [])
+                    if k not in numbers:
+                        numbers.append(k)
 
     def give(self) -> None:
         """Give them, in the order of their first systems."""
-        for category in dict.fromkeys(category for category, _ in self._found):
-            texts = {text: numbers for (own, text), numbers in self._found.items() if own is category}
-            groups = alike(texts, (name for system in self._systems for name in system.names))
+        for category, kinds in self._found.items():
+            groups = list(kinds.values())
             lines = [self._told(group) for group in groups[:SHOWN]]
             hidden = sorted({k for group in groups[SHOWN:] for numbers in group.values() for k in numbers})
             if hidden:
                 lines.append(f"And {_names(hidden, self._count)} have other warnings of their own.")
-            warnings.warn("\n".join(lines), category, stacklevel=level_of_caller())
+            Finding("\n".join(lines), category).warn()
 
     def _told(self, group: Mapping[str, Sequence[int]]) -> str:
-        """Return the texts of one wording: their systems, and the text of the first."""
+        """Return the texts of one kind: their systems, and the text of the first."""
         (text, first), *others = group.items()
         if not others:
             return f"{_names(first, self._count)}: {text}"
         numbers = sorted({k for own in group.values() for k in own})
         which = f"their texts differ in figures; this is that of systems[{first[0]}]"
         return f"{_names(numbers, self._count)} ({which}): {text}"
-
-
-class _Caught:
-    """A context that collects warnings instead of giving them."""
-
-    def __init__(self, k: int, found: dict[tuple[type[Warning], str], list[int]]) -> None:
-        self._k, self._found = k, found
-        self._recording = warnings.catch_warnings(record=True)
-        self._caught: list[warnings.WarningMessage] = []
-
-    def __enter__(self) -> None:
-        caught = self._recording.__enter__()
-        self._caught = [] if caught is None else caught
-        warnings.simplefilter("always")
-
-    def __exit__(self, *raised: Any) -> None:
-        self._recording.__exit__(*raised)
-        for one in self._caught:
-            numbers = self._found.setdefault((one.category, str(one.message)), [])
-            if not numbers or numbers[-1] != self._k:
-                numbers.append(self._k)
 
 
 def _names(numbers: Sequence[int], count: int) -> str:
@@ -295,7 +276,7 @@ def march_each(
     done: list[Trajectory | None] = [run if isinstance(run, Trajectory) else None for run in runs]
     left = {k: run for k, run in enumerate(runs) if isinstance(run, Run)}
     failures: dict[int, BaseException] = {}
-    found = _Warnings(len(runs), [run.system for run in runs])
+    found = _Warnings(len(runs))
     if left:
         bars = _Bars(list(left.values()), progress)
         with StopRequest() as stop:
@@ -350,14 +331,12 @@ def _error(
     others = {k: error for k, error in failures.items() if k not in interrupted}
     whole = sum(run is not None and run.complete for run in done)
     if interrupted:
-        message = f"{whole} of {len(done)} systems are complete; the others:\n"
-        return Interrupted(message + _listed(failures), trajectory=done)
-    message = f"{len(others)} of {len(done)} systems failed; the others are complete, and all are in .trajectories:\n"
-    return SystemsError(message + _listed(others), failures=others, trajectories=done)
+        message = f"{whole} of {len(done)} systems are complete; the others:"
+        return Interrupted(_listed(message, failures), trajectory=done)
+    message = f"{len(others)} of {len(done)} systems failed; the others are complete, and all are in .trajectories:"
+    return SystemsError(_listed(message, others), failures=others, trajectories=done)
 
 
-def _listed(failures: dict[int, BaseException]) -> str:
-    lines = [f"systems[{k}]: {error}" for k, error in list(failures.items())[:SHOWN]]
-    if len(failures) > SHOWN:
-        lines.append(f"And {len(failures) - SHOWN:,} more.")
-    return "\n".join(lines)
+def _listed(message: str, failures: dict[int, BaseException]) -> str:
+    rows = [f"systems[{k}]: {error}" for k, error in list(failures.items())[:SHOWN]]
+    return str(Finding(message, rows=rows, hidden=len(failures) - SHOWN))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -13,7 +12,8 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.checks import is_whole
-from orbits.errors import ArchiveError, EpochError, InputError, OrbitsWarning, shown
+from orbits.errors import ArchiveError, EpochError, InputError, shown
+from orbits.finding import Finding
 from orbits.point_masses import PointMasses
 from orbits.regression import snapshot as snapshots
 from orbits.regression.peers import simulation
@@ -315,12 +315,13 @@ def _refuse(found: Particles) -> None:
             "simulation without them."
         )
     if found.forgotten:
-        _warn(
+        Finding(
             "the simulation was saved with functions of its own, such as forces, which its file does not hold; the "
             "System has Newton's gravity only."
-        )
+        ).warn()
     if found.collision != "none":
-        _warn(f"the simulation looks for collisions ({found.collision!r}); bodies of a System pass through each other.")
+        what = f"the simulation looks for collisions ({found.collision!r})"
+        Finding(f"{what}; bodies of a System pass through each other.").warn()
 
 
 def _massless(found: Particles, names: list[str]) -> int:
@@ -329,10 +330,10 @@ def _massless(found: Particles, names: list[str]) -> int:
     heavy = [i for i in range(found.active, n) if found.m[i] != 0.0]
     if found.test_type == 0:
         if heavy:
-            _warn(
+            Finding(
                 f"{few([names[i] for i in heavy])}: test particles with mass, which attract nothing in REBOUND; here "
                 "they are massless (gm = 0)."
-            )
+            ).warn()
         return found.active
     if heavy and len(heavy) < n - found.active:
         i = heavy[0]
@@ -351,10 +352,6 @@ def _rule(found: Particles, names: list[str]) -> tuple[Term, ...]:
 
     several = found.test_type == 1 and len(found.m) - found.active > 1 and np.any(found.m[found.active :])
     return (MinorBodies(bodies=names[found.active :]),) if several else ()
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, OrbitsWarning, stacklevel=5)
 
 
 def _epoch(found: Particles, units: UnitSystem, epoch: Any, zero: Any) -> Time | None:

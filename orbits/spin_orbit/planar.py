@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.checks import finite_number, finite_numbers, is_whole, number_not_below_zero, whole_number
 from orbits.errors import InputError, SingularityError, StepWarning, shown
+from orbits.finding import Finding
 from orbits.kernels.spins import TOGETHER, march_spins, march_tangents
 from orbits.marching.marcher import available_threads
 from orbits.marching.pool import Pool
@@ -295,25 +295,23 @@ class PlanarSpins:
             return
         wrong = self._error_of_tides(steps)
         if wrong > TOO_MUCH_OF_TIDES:
-            warnings.warn(
+            Finding(
                 f"{steps} steps in a revolution are too long for the tides, whose mean is wrong by {wrong:.1g} of "
                 "itself; take more, or leave steps out.",
                 StepWarning,
-                stacklevel=4,
-            )
+            ).warn()
         order = np.argsort(starts[1])
         ends = starts[:, np.unique(np.concatenate([order[: TOGETHER // 2], order[-TOGETHER // 2 :]]))]
         error = self._error(ends, steps)
         if not error < TOO_MUCH:
             enough = next((n for n in LADDER if n > steps and self._error(ends, n) < 0.1 * TOO_MUCH), None)
             more = f"steps={enough}" if enough else f"more than {LADDER[-1]} steps, or a higher order,"
-            warnings.warn(
+            Finding(
                 f"{steps} steps in a revolution are too long for some of these spins, of rates from "
                 f"{starts[1].min():g} to {starts[1].max():g}: their angles err by {error:.1g} rad in one revolution. "
                 f"With {more} they err by less than {TOO_MUCH:g}.",
                 StepWarning,
-                stacklevel=4,
-            )
+            ).warn()
 
     def _check_finite(self, values: Array, starts: Array) -> None:
         bad = np.flatnonzero(~np.isfinite(values))

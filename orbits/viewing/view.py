@@ -8,7 +8,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from orbits.errors import InputError, MissingPackageError, OrbitsWarning, StorageError, level_of_caller, shown
+from orbits.errors import InputError, MissingPackageError, StorageError, shown
+from orbits.finding import Finding
 from orbits.propagation import Trajectory
 from orbits.viewing.browser import opened_in_browser
 from orbits.viewing.data import LIMIT, ViewData
@@ -71,9 +72,7 @@ class View:
         self.said = data.said
         self.path: Path | None = None
         if self.said:
-            import warnings
-
-            warnings.warn(f"{self.said} A larger limit shows more.", OrbitsWarning, stacklevel=level_of_caller())
+            Finding(f"{self.said} A larger limit shows more.").warn()
 
     def html(self) -> str:
         """Return the page: one HTML file with all that it needs."""

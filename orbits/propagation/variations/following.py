@@ -18,7 +18,6 @@ from orbits.marching.marcher import available_threads
 from orbits.marching.pool import Pool
 from orbits.marching.tangent import Tangents, require_tangents
 from orbits.marching.transformed import TimeTransformed
-from orbits.propagation import kepler_splitting, step_check
 from orbits.propagation.events.particles import stretches, with_light
 from orbits.propagation.marchers import bound
 from orbits.system import System
@@ -64,13 +63,6 @@ def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -
             f"variations need steps of time, not {grid.clock.describe(integrator)}: leave dt out for steps that are "
             "chosen one by one, or give dt=... a length."
         )
-
-
-def warn_if_too_long(system: System, integrator: Integrator, grid: TimeGrid) -> None:
-    """Warn, as `propagate` does, if the step is too long for the fastest passage ahead."""
-    if not grid.clock.changes:
-        check = kepler_splitting.warn_if_unfit if integrator.follows_kepler else step_check.warn_if_too_long
-        check(system, integrator, grid.h, grid.end)
 
 
 def massive_of(system: System) -> Varied:

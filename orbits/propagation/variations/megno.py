@@ -12,7 +12,6 @@ Source: Cincotta & Simó (2000), A&AS 147, 205; Cincotta, Giordano & Simó (2003
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
@@ -24,11 +23,12 @@ from orbits import integrators
 from orbits.body_names import index_of
 from orbits.checks import checked_flag, whole_number
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, IntegrationError, RetiredWarning, level_of_caller, shown
+from orbits.errors import InputError, IntegrationError, RetiredWarning, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.particle_tangents import march_together
-from orbits.propagation.before_the_start import warn_or_refuse
+from orbits.propagation.before_the_start import found_ahead, warn_or_refuse
 from orbits.propagation.variations.following import (
     Varied,
     at_samples,
@@ -37,7 +37,6 @@ from orbits.propagation.variations.following import (
     particle_of,
     require_followable,
     tangents_of,
-    warn_if_too_long,
 )
 from orbits.propagation.variations.of_particles import (
     Growths,
@@ -221,7 +220,7 @@ def megno(
     count = whole_number(vectors, "vectors", most=MOST_VECTORS)
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=samples)
     require_followable(system, integrator, grid)
-    warn_or_refuse(lambda: warn_if_too_long(system, integrator, grid), check_step)
+    warn_or_refuse(found_ahead(system, integrator, grid), check_step)
     return megno_of(system, integrator, grid, coupled=coupled, vectors=count, seed=seed, threads=threads)
 
 
@@ -267,11 +266,8 @@ def megno_of(
         assert not isinstance(found, IntegrationError)  # which comes with what was known before
         particle, failure = found
         if failure is not None:
-            warnings.warn(
-                f"the MEGNO of {particle.name} is not known from the step on that its motion cannot take: {failure}",
-                RetiredWarning,
-                stacklevel=level_of_caller(),
-            )
+            told = f"the MEGNO of {particle.name} is not known from the step on that its motion cannot take: {failure}"
+            Finding(told, RetiredWarning, "MEGNO not known").warn()
         particles.append(particle)
     if integrator.follows_kepler and numbers:
         particles = _with_passages(system, integrator, grid, particles, threads)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.body_names import few
 from orbits.checks import whole_number
-from orbits.errors import RetiredWarning, StepWarning, level_of_caller, with_unit
+from orbits.errors import RetiredWarning, StepWarning, counted, with_unit
+from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.kepler_passages import HILL_RADII, near_a_planet
 from orbits.marching.marcher import available_threads
@@ -23,9 +24,6 @@ from orbits.system.model import model
 from orbits.time_grid import TimeGrid
 
 Array = NDArray[np.float64]
-
-SHOWN = 3
-"""The most particles named in a warning."""
 
 
 class Growths(NamedTuple):
@@ -137,14 +135,15 @@ def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, 
     for values in out[:3]:
         values[~np.isfinite(values)] = np.nan
     if lost.any():
-        _warn(
-            f"the MEGNO of {_few(names[lost])} is not known from where its motion is no longer finite: a fall into a "
-            "body, or a step too long by far.",
+        Finding(
+            f"the MEGNO of {few(names[lost].tolist(), SHOWN)} is not known from where its motion is no longer finite: "
+            "a fall into a body, or a step too long by far.",
             RetiredWarning,
-        )
+            "MEGNO lost",
+        ).warn()
     if not met.any():
         return
-    unit, lines = system.units.time, []
+    unit, rows, count = system.units.time, [], int(met.sum())
     for k in np.flatnonzero(met)[np.argsort(times[met], kind="stable")][:SHOWN]:
         near = abs(passages.near[k]) == times[k]
         what = (
@@ -152,27 +151,17 @@ def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, 
             if near
             else f"at a pericentre where a full turn would take fewer than {integrator.least_steps} steps"
         )
-        lines.append(f"  {names[k]} {what}, at t = " + with_unit(f"{out.passage[k]:.6g}", unit))
-    hidden = f"\n  And {int(met.sum()) - SHOWN:,} more." if met.sum() > SHOWN else ""
-    text, one = "\n".join(lines) + hidden, bool(met.sum() == 1)
-    whom = f"{int(met.sum()):,} massless particle{'' if one else 's'} came where {integrator.label}"
-    them, their, have = ("it", "its", "has") if one else ("them", "their", "have")
+        rows.append(f"{names[k]} {what}, at t = " + with_unit(f"{out.passage[k]:.6g}", unit))
+    told = f"{counted(count, 'massless particle')} came where {integrator.label}"
+    them, their, have = ("it", "its", "has") if count == 1 else ("them", "their", "have")
     if retires:
-        told = f"{whom} retires {them}, and {have} no MEGNO from there on:\n{text}"
-        _warn(told, RetiredWarning)
+        told += f" retires {them}, and {have} no MEGNO from there on:"
+        Finding(told, RetiredWarning, "MEGNO retired", rows, count - SHOWN).warn()
         return
-    _warn(
-        f"{whom} cannot follow {them}: {their} MEGNO is large where the orbit is chaotic, as such orbits mostly are, "
-        f"but its value from there on is that of the steps:\n{text}\nUse a smaller dt, another method for "
-        f'{"it" if one else "these"}, or encounters="retire".',
-        StepWarning,
+    told += (
+        f" cannot follow {them}: {their} MEGNO is large where the orbit is chaotic, as such orbits mostly are, but its "
+        "value from there on is that of the steps:"
     )
-
-
-def _few(names: Array) -> str:
-    more = f" and {len(names) - SHOWN:,} more" if len(names) > SHOWN else ""
-    return ", ".join(str(name) for name in names[:SHOWN]) + more
-
-
-def _warn(text: str, kind: type[Warning]) -> None:
-    warnings.warn(text, kind, stacklevel=level_of_caller())
+    these = "it" if count == 1 else "these"
+    remedy = f'Use a smaller dt, another method for {these}, or encounters="retire".'
+    Finding(told, StepWarning, "MEGNO of the steps", rows, count - SHOWN, remedy=remedy).warn()

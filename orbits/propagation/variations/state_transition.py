@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any, Literal, Unpack
 
 import numpy as np
@@ -14,11 +13,12 @@ from orbits.body_names import index_of
 from orbits.checks import checked_flag
 from orbits.diagnostics.tangent import symplecticity_defect
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, RetiredWarning, level_of_caller, shown
+from orbits.errors import InputError, RetiredWarning, counted, shown
 from orbits.export import headed, html_table, text_table
+from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
 from orbits.propagation.available_memory import MEMORY_SHARE, memory
-from orbits.propagation.before_the_start import warn_or_refuse
+from orbits.propagation.before_the_start import found_ahead, warn_or_refuse
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import (
     Varied,
@@ -28,16 +28,12 @@ from orbits.propagation.variations.following import (
     particle_of,
     require_followable,
     tangents_of,
-    warn_if_too_long,
 )
 from orbits.system import System
 from orbits.system.model import given_bodies
 from orbits.time_grid import TimeGrid, dynamical_time
 
 Array = NDArray[np.float64]
-
-SHOWN = 3
-"""The most retired particles named in a warning."""
 
 MOST_SHOWN = 10
 """The most bodies in the table of a matrix."""
@@ -180,7 +176,7 @@ def state_transition(
     if samples is None:
         grid = TimeGrid(grid.clock, grid.times[-1:])
     require_followable(system, integrator, grid)
-    warn_or_refuse(lambda: warn_if_too_long(system, integrator, grid), check_step)
+    warn_or_refuse(found_ahead(system, integrator, grid), check_step)
     return state_transition_of(system, integrator, grid, coupled=with_bodies, threads=threads, at_end=samples is None)
 
 
@@ -244,12 +240,12 @@ def matrices(
 
     for p, failure in zip(particles, each_in_threads(fill, particles, threads), strict=True):
         if failure is not None:
-            warnings.warn(
+            Finding(
                 f"the state transition of {system.names[p]} is not known from the step on that its motion cannot take: "
                 f"{failure}",
                 RetiredWarning,
-                stacklevel=level_of_caller(),
-            )
+                "state transition not known",
+            ).warn()
     if integrator.retires_in_encounters and particles:
         _forget_retired(system, integrator, grid, out)
     return out.reshape(len(grid), 6 * N, 6 * N), momenta
@@ -266,14 +262,14 @@ def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out:
     for one in lost:
         out[np.abs(grid.times) > abs(grid.clock.time(one.reading)), one.body] = np.nan
     if lost:
-        names = ", ".join(f"{system.names[one.body]} ({one.reason})" for one in lost[:SHOWN])
-        more = f" and {len(lost) - SHOWN:,} more" if len(lost) > SHOWN else ""
-        warnings.warn(
-            f"{integrator.label} retires {len(lost):,} massless particle{'s' * (len(lost) > 1)}, whose state "
-            f"transition is NaN from there on: {names}{more}.",
+        Finding(
+            f"{integrator.label} retires {counted(len(lost), 'massless particle')}, whose state transition is NaN from "
+            "there on:",
             RetiredWarning,
-            stacklevel=level_of_caller(),
-        )
+            "state transition retired",
+            [f"{system.names[one.body]} ({one.reason})" for one in lost[:SHOWN]],
+            len(lost) - SHOWN,
+        ).warn()
 
 
 def _fill(followed: Varied, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
