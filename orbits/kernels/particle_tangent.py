@@ -39,11 +39,11 @@ from orbits.kernels.lanes import (
     minimum,
     rsqrt_cubed,
     select,
-    sqrt,
     store,
     unit,
 )
 from orbits.kernels.lanes.functions import log
+from orbits.kernels.search.apsides import apsides
 from orbits.kernels.stages_of_maps import LAZY, MODIFIED
 from orbits.kernels.steps import Model
 from orbits.kernels.tangent import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLER, SQUARE
@@ -383,10 +383,6 @@ def _least(a, v, b, w):
 @kernel
 def _is_sharp(h, turn, marched):
     """Return 1 where a step turns a particle by more than `turn` at the pericentre of its orbit."""
-    x, y, z, vx, vy, vz = marched.x, marched.y, marched.z, marched.vx, marched.vy, marched.vz
-    hx, hy, hz = fma(y, vz, -z * vy), fma(z, vx, -x * vz), fma(x, vy, -y * vx)
-    h2 = fma(hx, hx, fma(hy, hy, hz * hz))
-    gm, r = marched.gm, sqrt(fma(x, x, fma(y, y, z * z)))
-    beta = 2.0 * gm / r - fma(vx, vx, fma(vy, vy, vz * vz))
-    q = h2 / (gm + sqrt(maximum(fma(-h2, beta, gm * gm), full(0.0))))
-    return h * h * h2 >= (turn * q * q) * (turn * q * q)  # also of a radial orbit
+    orbit = apsides(marched.gm, marched.x, marched.y, marched.z, marched.vx, marched.vy, marched.vz)
+    angle = turn * orbit.least * orbit.least
+    return h * h * orbit.swept2 >= angle * angle  # also of a radial orbit

@@ -34,6 +34,7 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.observing import call_enter
+from orbits.kernels.search.apsides import OPEN, apsides
 from orbits.kernels.watch import no_particles, set_first, watch_at
 
 FRACTION, MOST_APART = 1.6, 16
@@ -111,7 +112,7 @@ def follow_planets(context, track, h, steps, start, stop):
     # Of those one lane apart the outermost and the innermost of eight planets are no neighbours.
     with0, with1 = with1 * unit(WIDTH - 1), with1 * (1.0 - unit(WIDTH - 1))
     place, velocity = _all_from_star(watch, 0)
-    lowest, highest, time = apsides(full(watch.mu), place, velocity)
+    lowest, highest, time = apsides_and_time(watch.mu, place, velocity)
     apart, share = _steps_apart(there, time, h), load(watch.lanes, SHARE)
     known2, of_star2, reach = _known2(watch)
     known = sqrt(known2)
@@ -176,12 +177,12 @@ def _limits(watch, h, there, lowest, highest, of_star2):
     """
     inside = sums_before(load(watch.lanes, SHARE) * highest) * WANDERING
     near = select(there, lowest / WANDERING + inside, 0.0)
-    far = select(there, maximum(highest * WANDERING - inside, full(0.0)), 1e150)
+    far = select(there, maximum(highest * WANDERING - inside, full(0.0)), OPEN)
     # An approach that a step may not resolve is looked for at any distance: a bound planet is too slow for it further
     # out, and even one of twice the energy.
     angle = SLACK * min(watch.pericentre_angle, 1.0)
     fast = (4.0 * watch.mu * h * h / (angle * angle)) ** (1.0 / 3.0)
-    of_star2 = maximum(of_star2, select(highest < 1e150, fast * fast, math.inf))
+    of_star2 = maximum(of_star2, select(highest < OPEN, fast * fast, math.inf))
     reach = sqrt(of_star2) + inside
     # The innermost planet turns where r' does.
     limit = maximum(near, select(inside > 0.0, reach, 0.0))
@@ -308,17 +309,10 @@ def _opening(place, velocity, h):
 
 
 @kernel(inline=True)
-def apsides(mu, place, velocity):
+def apsides_and_time(mu, place, velocity):
     """Return the least and largest distances on the osculating orbits, and distance / speed at the least."""
-    (x, y, z), (u, v, w) = place, velocity
-    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
-    swept2 = cx * cx + cy * cy + cz * cz
-    parameter = swept2 / mu
-    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / mu
-    e = sqrt(maximum(1.0 - parameter * inverse_a, full(0.0)))
-    least = parameter / (1.0 + e)
-    highest = select(inverse_a > 0.0, (1.0 + e) / maximum(inverse_a, full(1e-300)), 1e150)
-    return least, minimum(highest, full(1e150)), least * least / sqrt(swept2)
+    orbit = apsides(mu, *place, *velocity)
+    return orbit.least, orbit.largest, orbit.least * orbit.least / sqrt(orbit.swept2)
 
 
 @kernel(inline=True)

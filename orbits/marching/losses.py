@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
 from orbits.kernels.encounters import LEAST2, MATE, ROW
+from orbits.kernels.search.apsides import apsides_of
 from orbits.marching.passage_list import BlockList
 from orbits.marching.retirement import EJECTED, TOO_CLOSE
 
@@ -144,9 +145,7 @@ def departures(
     r, v2 = np.sqrt((x * x).sum(axis=0)), (w * w).sum(axis=0)
     status = np.zeros(len(r), dtype=np.int64)
     if lost_within is not None:
-        swept2 = v2 * r * r - (x * w).sum(axis=0) ** 2
-        e2 = 1.0 + swept2 / mu * (v2 / mu - 2.0 / r)
-        status[swept2 / mu < lost_within * (1.0 + np.sqrt(np.maximum(e2, 0.0)))] = TOO_CLOSE
+        status[apsides_of(x.T, w.T, mu).least < lost_within] = TOO_CLOSE
     if ejected_beyond is not None:
         status[(r > ejected_beyond) & (v2 * r > 2.0 * mu)] = EJECTED
     found = np.flatnonzero(status)

@@ -19,6 +19,7 @@ from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.planet_approaches import BODY, SHARE, SHOWN, follow_planets, show_trace
+from orbits.kernels.search.apsides import OPEN, apsides_of
 from orbits.kernels.stopping import find_met, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.alignment import aligned
@@ -403,11 +404,9 @@ class Watcher:
 
 def _apocentres(q: Array, v: Array, mu: Array) -> Array:
     """Return the largest distances on the osculating orbits, 0 where there is none; q, v : (3, n), mu : (n,)."""
-    with np.errstate(all="ignore"):
-        inverse = 2.0 / np.sqrt((q * q).sum(axis=0)) - (v * v).sum(axis=0) / mu
-        e2 = 1.0 - (np.cross(q, v, axis=0) ** 2).sum(axis=0) / mu * inverse
-        found = (1.0 + np.sqrt(np.maximum(e2, 0.0))) / inverse
-    return np.where(np.isfinite(found) & (inverse > 0.0), found, 0.0)
+    largest = apsides_of(q.T, v.T, mu).largest
+    return np.where(largest < OPEN, largest, 0.0)
+
 
 
 _NO_STOPS = np.zeros((0, 4))
