@@ -16,8 +16,9 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, minimum, select, sqrt, unit
 from orbits.kernels.observing import call_enter, call_observer, call_search
-from orbits.kernels.paths import hermite, steps_between
+from orbits.kernels.paths import steps_between
 from orbits.kernels.search.apsides import apsides
+from orbits.kernels.search.cubics import distance2_at
 from orbits.kernels.watch import flat, no_particles, watch_at
 
 FRACTION = 0.8
@@ -48,17 +49,10 @@ def estimate(h, before, now, first, second):
 
     first, second : relative positions and velocities, six numbers each
     """
-    (x0, y0, z0, u0, v0, w0), (x1, y1, z1, u1, v1, w1) = first, second
     s = before / (before - now)
-    x, u, _ = hermite(s, h, x0, u0, x1, u1)
-    y, v, _ = hermite(s, h, y0, v0, y1, v1)
-    z, w, _ = hermite(s, h, z0, w0, z1, w1)
-    middle = (x * u + y * v + z * w) * h
+    _, middle, _, _ = distance2_at(s, h, first, second)
     s = select(middle < 0.0, s + (1.0 - s) * middle / (middle - now), s * before / (before - middle))
-    x, _, _ = hermite(s, h, x0, u0, x1, u1)
-    y, _, _ = hermite(s, h, y0, v0, y1, v1)
-    z, _, _ = hermite(s, h, z0, w0, z1, w1)
-    return x * x + y * y + z * z
+    return distance2_at(s, h, first, second)[0]
 
 
 @kernel(inline=True)

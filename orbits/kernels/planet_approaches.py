@@ -35,6 +35,7 @@ from orbits.kernels.lanes import (
 )
 from orbits.kernels.observing import call_enter
 from orbits.kernels.search.apsides import OPEN, apsides
+from orbits.kernels.search.cubics import distance2_at
 from orbits.kernels.watch import no_particles, set_first, watch_at
 
 FRACTION, MOST_APART = 1.6, 16
@@ -447,35 +448,13 @@ def _estimated(h, first, second):
     """
     (x0, y0, z0, u0, v0, w0), (x1, y1, z1, u1, v1, w1) = first, second
     before, now = (x0 * u0 + y0 * v0 + z0 * w0) * h, (x1 * u1 + y1 * v1 + z1 * w1) * h
-    x, y, z = _cubic(x0, h * u0, x1, h * u1), _cubic(y0, h * v0, y1, h * v1), _cubic(z0, h * w0, z1, h * w1)
-    mean = now - before
-    _, slope, bend = _distance2(before / (before - now), x, y, z)
-    s = before / (before - now) - (slope / bend if bend > EVEN * mean else 0.0)
-    d2, slope, bend = _distance2(min(max(s, 0.0), 1.0), x, y, z)
-    _, _, bend0 = _distance2(0.0, x, y, z)
-    _, _, bend1 = _distance2(1.0, x, y, z)
+    mean, s = now - before, before / (before - now)
+    _, slope, bend, _ = distance2_at(s, h, first, second)
+    s -= slope / bend if bend > EVEN * mean else 0.0
+    d2, slope, bend, _ = distance2_at(min(max(s, 0.0), 1.0), h, first, second)
+    bend0, bend1 = distance2_at(0.0, h, first, second)[2], distance2_at(1.0, h, first, second)[2]
     # Where the squared distance bends alike all along the step, what is left of its slope takes it but little further
     # down; elsewhere it may have another minimum.
     least = CLOSE * d2 - slope * slope / (0.4 * EVEN * mean) if min(bend, bend0, bend1) > EVEN * mean else -1.0
     speed2 = max(u0 * u0 + v0 * v0 + w0 * w0, u1 * u1 + v1 * v1 + w1 * w1)
     return least, speed2, before < 0.0 and now >= 0.0
-
-
-@kernel(inline=True)
-def _cubic(x0, way0, x1, way1):
-    """Return the coefficients of the cubic polynomial through two places, with these ways in a step at both."""
-    a, b = x1 - x0 - way0, way1 - way0
-    return x0, way0, 3.0 * a - b, b - 2.0 * a
-
-
-@kernel(inline=True)
-def _distance2(s, x, y, z):
-    """Return a squared distance at the fraction s of a step, and half of its first two derivatives."""
-    (x, u, du), (y, v, dv), (z, w, dw) = _on_cubic(s, x), _on_cubic(s, y), _on_cubic(s, z)
-    return x * x + y * y + z * z, x * u + y * v + z * w, (u * u + v * v + w * w) + (x * du + y * dv + z * dw)
-
-
-@kernel(inline=True)
-def _on_cubic(s, coefficients):
-    a, b, c, d = coefficients
-    return a + s * (b + s * (c + s * d)), b + s * (2.0 * c + 3.0 * s * d), 2.0 * c + 6.0 * s * d
