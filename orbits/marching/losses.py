@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array
 from orbits.kernels.encounters import LEAST2, MATE, ROW
 from orbits.kernels.search.apsides import apsides_of
+from orbits.marching.failures import last_good
 from orbits.marching.passage_list import BlockList
 from orbits.marching.retirement import EJECTED, TOO_CLOSE
 
@@ -93,10 +94,7 @@ def first_step_within(suspect: Suspect, is_within: Callable[[int], bool]) -> int
     while outside > 0 and is_within(outside):
         inside, back = outside, 2 * back
         outside = max(inside - back, 0)
-    while inside - outside > 1:
-        middle = (inside + outside) // 2
-        inside, outside = (middle, outside) if is_within(middle) else (inside, middle)
-    return outside
+    return last_good(lambda step: not is_within(step), inside, outside)
 
 
 def touching(
