@@ -392,7 +392,8 @@ class Watcher:
         farthest, masses = distance, gm
         if on_kepler_orbits:
             place, velocity = (x - x[:, dominant : dominant + 1] for x in (q, v))
-            farthest = np.maximum(distance, _apocentres(place, velocity, gm[dominant] + gm))
+            apocentre = apsides_of(place.T, velocity.T, gm[dominant] + gm).largest
+            farthest = np.where(apocentre < OPEN, np.maximum(distance, apocentre), distance)
             others = np.sort(np.delete(gm, dominant))[::-1]
             if len(others) > 1:
                 masses = gm + np.where(gm == others[0], others[1], others[0])
@@ -400,13 +401,6 @@ class Watcher:
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0
         return annuli
-
-
-def _apocentres(q: Array, v: Array, mu: Array) -> Array:
-    """Return the largest distances on the osculating orbits, 0 where there is none; q, v : (3, n), mu : (n,)."""
-    largest = apsides_of(q.T, v.T, mu).largest
-    return np.where(largest < OPEN, largest, 0.0)
-
 
 
 _NO_STOPS = np.zeros((0, 4))

@@ -1,9 +1,7 @@
 """The apsides of the osculating orbit of a pair, from its relative state.
 
-With the true anomaly f, e cos f = p/r - 1 and e sin f = (q.v/r) sqrt(p/GM), so that e has an absolute error of some
-2^-53 whatever the orbit is: e^2 = 1 - p/a would leave e of a circle, and with it both apsides, only half of the digits.
-
-Everything is rounded in one way, wherever this is compiled: a number has the bits of a lane.
+From e cos f = p/r - 1 and e sin f = (q.v/r) sqrt(p/GM), with the true anomaly f, e is off by some 2^-53 on any orbit:
+e^2 = 1 - p/a would leave half of the digits to e of a circle, and to both apsides. A number has the bits of a lane.
 """
 
 from __future__ import annotations
@@ -21,9 +19,7 @@ OPEN = 1e150
 
 
 class Apsides(NamedTuple):
-    """The eccentricity; the least and the largest distance, `OPEN` if the orbit is open; the square of the area swept
-    in unit time, twice; and 1/a.
-    """
+    """Eccentricity; least and largest distance, `OPEN` on open orbits; (2 x area swept in unit time)^2; and 1/a."""
 
     e: Any
     least: Any
@@ -34,9 +30,8 @@ class Apsides(NamedTuple):
 
 @kernel(inline=True)
 def apsides(mu, x, y, z, u, v, w):
-    """Return the `Apsides` of a pair of the total GM mu > 0, of its relative position and velocity; numbers or `Lanes`.
-
-    Of a fall along a line e = 1 and the least distance is 0.
+    """Return the `Apsides` of a pair of total GM mu > 0 from its relative state, in numbers or `Lanes`. A fall along a
+    line has e = 1 and the least distance 0.
     """
     cx, cy, cz = fma(y, w, -(z * v)), fma(z, u, -(x * w)), fma(x, v, -(y * u))
     swept2 = fma(cx, cx, fma(cy, cy, cz * cz))
