@@ -16,7 +16,9 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.encounters import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, minimum, select, sqrt, unit
 from orbits.kernels.observing import call_enter, call_observer, call_search
-from orbits.kernels.paths import hermite, steps_between
+from orbits.kernels.paths import steps_between
+from orbits.kernels.search.apsides import apsides
+from orbits.kernels.search.cubics import distance2_at
 from orbits.kernels.watch import flat, no_particles, watch_at
 
 FRACTION = 0.8
@@ -47,17 +49,10 @@ def estimate(h, before, now, first, second):
 
     first, second : relative positions and velocities, six numbers each
     """
-    (x0, y0, z0, u0, v0, w0), (x1, y1, z1, u1, v1, w1) = first, second
     s = before / (before - now)
-    x, u, _ = hermite(s, h, x0, u0, x1, u1)
-    y, v, _ = hermite(s, h, y0, v0, y1, v1)
-    z, w, _ = hermite(s, h, z0, w0, z1, w1)
-    middle = (x * u + y * v + z * w) * h
+    _, middle, _, _ = distance2_at(s, h, first, second)
     s = select(middle < 0.0, s + (1.0 - s) * middle / (middle - now), s * before / (before - middle))
-    x, _, _ = hermite(s, h, x0, u0, x1, u1)
-    y, _, _ = hermite(s, h, y0, v0, y1, v1)
-    z, _, _ = hermite(s, h, z0, w0, z1, w1)
-    return x * x + y * y + z * z
+    return distance2_at(s, h, first, second)[0]
 
 
 @kernel(inline=True)
@@ -72,29 +67,16 @@ def is_near_or_fast(passage_angle, h, reach, d2, first, second):
 
 
 @kernel(inline=True)
-def _pericentre(watch, x, y, z, u, v, w):
-    """Return e^2 and the pericentre distance of the osculating orbits of eight pairs with the dominant body, and the
-    square of the area swept by their radii, twice, in unit time.
-    """
-    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
-    swept2 = cx * cx + cy * cy + cz * cz
-    parameter = swept2 / watch.mu
-    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
-    e2 = 1.0 - parameter * inverse_a
-    return e2, parameter / (1.0 + sqrt(maximum(e2, full(0.0)))), swept2
-
-
-@kernel(inline=True)
 def _is_low_or_sharp(watch, h, known, first, second):
     """Return for eight pairs with the dominant body whether the pericentre of the osculating orbit at either of two
     samples is closer than known, or may have to be listed, as the orbit is eccentric. (Over several steps, a polynomial
     does not describe such a pericentre.)
     """
-    e2, least, swept2 = _pericentre(watch, first[0], first[1], first[2], first[3], first[4], first[5])
-    _, other, _ = _pericentre(watch, second[0], second[1], second[2], second[3], second[4], second[5])
-    least2, angle, least_e = least * least, CAUTION * watch.pericentre_angle, CAUTION * watch.least_eccentricity
-    sharp = (e2 > least_e * least_e) * (h * h * swept2 > angle * angle * least2 * least2)
-    return sharp + (SLACK * minimum(least2, other * other) < known)
+    one, other = apsides(watch.mu, *first), apsides(watch.mu, *second)
+    angle2 = CAUTION * watch.pericentre_angle * one.least * one.least
+    sharp = (one.e > CAUTION * watch.least_eccentricity) * (h * h * one.swept2 > angle2 * angle2)
+    least = minimum(one.least, other.least)
+    return sharp + (SLACK * least * least < known)
 
 
 @kernel(inline=True)
@@ -278,11 +260,5 @@ def _apsides(watch, track):
     n, P, path, j = watch.bodies, watch.stride, watch.path, watch.dominant
     x, y, z = load(track, 0) - path[j], load(track, 1) - path[n + j], load(track, 2) - path[2 * n + j]
     u, v, w = load(track, 3) - path[P + j], load(track, 4) - path[P + n + j], load(track, 5) - path[P + 2 * n + j]
-    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
-    inverse_r = 1.0 / sqrt(x * x + y * y + z * z)
-    parameter = (cx * cx + cy * cy + cz * cz) / watch.mu
-    inverse_a = 2.0 * inverse_r - (u * u + v * v + w * w) / watch.mu
-    e = sqrt(maximum(1.0 - parameter * inverse_a, full(0.0)))
-    lowest = parameter / (1.0 + e)
-    highest = select(inverse_a > 0.0, (1.0 + e) / maximum(inverse_a, full(1e-300)), full(MANY))
-    return lowest, highest
+    found = apsides(watch.mu, x, y, z, u, v, w)
+    return found.least, found.largest

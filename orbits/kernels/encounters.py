@@ -17,6 +17,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, lane, load
 from orbits.kernels.observing import call_enter
 from orbits.kernels.paths import least_distance, reading, relative, steps_between
+from orbits.kernels.search.apsides import apsides
 from orbits.kernels.watch import no_particles, watch_at
 
 DISTANCE2, TIME, SPEED2, PARTNER = 0, 1, 2, 3
@@ -62,13 +63,8 @@ def _pericentre(watch, track, row, j, step):
     """Return squared distance and speed at the pericentre of the osculating orbit of a pair that includes the dominant
     body.
     """
-    x, y, z, u, v, w = relative(watch, track, row, j, step)
-    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
-    parameter = (cx * cx + cy * cy + cz * cz) / watch.mu
-    inverse_a = 2.0 / math.sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / watch.mu
-    e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
-    least = parameter / (1.0 + e)
-    return least * least, watch.mu * (1.0 + e) / max(least, 1e-300)
+    orbit = apsides(watch.mu, *relative(watch, track, row, j, step))
+    return orbit.least * orbit.least, watch.mu * (1.0 + orbit.e) / max(orbit.least, 1e-300)
 
 
 @kernel(inline=True)

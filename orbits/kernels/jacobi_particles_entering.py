@@ -35,6 +35,7 @@ from orbits.kernels.lanes import (
     select,
     unit,
 )
+from orbits.kernels.search.apsides import apsides
 from orbits.kernels.summation import accumulate, add_product, quick_two_sum, two_sum
 from orbits.kernels.terms_about import (
     depends_on_velocities,
@@ -275,9 +276,7 @@ def _planets_inside(strength, planets, room, q, v, p):
         v[1, p] - _centre(strength, planets, room, 0, 4)[0],
         v[2, p] - _centre(strength, planets, room, 0, 5)[0],
     )
-    hx, hy, hz = y * vz - z * vy, z * vx - x * vz, x * vy - y * vx
-    h2, beta = hx * hx + hy * hy + hz * hz, 2.0 * gm / (x * x + y * y + z * z) ** 0.5 - (vx * vx + vy * vy + vz * vz)
-    pericentre = h2 / (gm + max(gm * gm - h2 * beta, 0.0) ** 0.5)
+    pericentre = apsides(gm, x, y, z, vx, vy, vz).least
     for i in range(count):
         register, slot = i // WIDTH, i % WIDTH
         row = STATE_ROWS * register

@@ -39,11 +39,12 @@ from orbits.kernels.lanes import (
     minimum,
     rsqrt_cubed,
     select,
-    sqrt,
     store,
     unit,
 )
 from orbits.kernels.lanes.functions import log
+from orbits.kernels.search.apsides import apsides
+from orbits.kernels.search.cubics import hermite
 from orbits.kernels.stages_of_maps import LAZY, MODIFIED
 from orbits.kernels.steps import Model
 from orbits.kernels.tangent import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLER, SQUARE
@@ -367,10 +368,11 @@ def _least(a, v, b, w):
     least = fma(x, x, fma(y, y, z * z))
     for k in range(1, PARTS + 1):
         s = k / PARTS
-        one, two, three, four = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2, s * s * (3 - 2 * s), s * s * (s - 1)
-        ex = fma(one, a[0], fma(two, v[0], fma(three, b[0], four * w[0])))
-        ey = fma(one, a[1], fma(two, v[1], fma(three, b[1], four * w[1])))
-        ez = fma(one, a[2], fma(two, v[2], fma(three, b[2], four * w[2])))
+        ex, ey, ez = (
+            hermite(s, 1.0, a[0], v[0], b[0], w[0])[0],
+            hermite(s, 1.0, a[1], v[1], b[1], w[1])[0],
+            hermite(s, 1.0, a[2], v[2], b[2], w[2])[0],
+        )
         dx, dy, dz = ex - x, ey - y, ez - z
         share = -fma(x, dx, fma(y, dy, z * dz)) / fma(dx, dx, fma(dy, dy, dz * dz))
         share = maximum(minimum(share, full(1.0)), full(0.0))
@@ -383,10 +385,6 @@ def _least(a, v, b, w):
 @kernel
 def _is_sharp(h, turn, marched):
     """Return 1 where a step turns a particle by more than `turn` at the pericentre of its orbit."""
-    x, y, z, vx, vy, vz = marched.x, marched.y, marched.z, marched.vx, marched.vy, marched.vz
-    hx, hy, hz = fma(y, vz, -z * vy), fma(z, vx, -x * vz), fma(x, vy, -y * vx)
-    h2 = fma(hx, hx, fma(hy, hy, hz * hz))
-    gm, r = marched.gm, sqrt(fma(x, x, fma(y, y, z * z)))
-    beta = 2.0 * gm / r - fma(vx, vx, fma(vy, vy, vz * vz))
-    q = h2 / (gm + sqrt(maximum(fma(-h2, beta, gm * gm), full(0.0))))
-    return h * h * h2 >= (turn * q * q) * (turn * q * q)  # also of a radial orbit
+    orbit = apsides(marched.gm, marched.x, marched.y, marched.z, marched.vx, marched.vy, marched.vz)
+    angle = turn * orbit.least * orbit.least
+    return h * h * orbit.swept2 >= angle * angle  # also of a radial orbit

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from orbits.kernels.compile import kernel
+from orbits.kernels.search.apsides import apsides
 
 TWO_PI = 2.0 * math.pi
 
@@ -45,10 +46,7 @@ def fastest_passage(gm, softening, q, v, massive, given, span):
         mu = gm[i] + gm[centre]
         r2, speed2, rv = x * x + y * y + z * z, u * u + v_y * v_y + w * w, (x * u + y * v_y + z * w) * forwards
         r = math.sqrt(r2)
-        inverse_a = 2.0 / r - speed2 / mu
-        parameter = max(r2 * speed2 - rv * rv, 0.0) / mu
-        e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
-        nearest = parameter / (1.0 + e)
+        e, nearest, _, _, inverse_a = apsides(mu, x, y, z, u, v_y, w)
         if inverse_a > 0.0:
             motion = math.sqrt(mu * inverse_a) * inverse_a
             period = min(period, TWO_PI / motion)
@@ -60,7 +58,7 @@ def fastest_passage(gm, softening, q, v, massive, given, span):
         if not (wait <= abs(span) and nearest < r):
             nearest, reached2 = r, speed2
         else:
-            reached2 = mu * (2.0 / nearest - inverse_a) if nearest > 0.0 else math.inf
+            reached2 = mu * (1.0 + e) / nearest
         rate2 = reached2 / (nearest * nearest + softening * softening)
         if not rate2 <= fastest:
             fastest, row, partner = rate2, i, centre

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
+from orbits.kernels.search.cubics import distance2_at
 from orbits.kernels.watch import flat
 
 
@@ -102,33 +103,18 @@ def record_particle(track, k, slot, particle):
 
 
 @kernel(inline=True)
-def hermite(s, h, x0, v0, x1, v1):
-    """Return position, velocity and acceleration at the fraction s of a step of h between two states."""
-    a, b = x1 - x0 - h * v0, h * (v1 - v0)
-    c2, c3 = 3.0 * a - b, b - 2.0 * a
-    velocity = v0 + s * (2.0 * c2 + 3.0 * s * c3) / h
-    return x0 + s * (h * v0 + s * (c2 + s * c3)), velocity, (2.0 * c2 + 6.0 * s * c3) / (h * h)
-
-
-@kernel(inline=True)
 def least_distance(watch, track, row, j, step, h):
     """Return the squared distance, the fraction of the step and the squared speed at the least distance in a step."""
-    x0, y0, z0, u0, v0, w0 = relative(watch, track, row, j, step)
-    x1, y1, z1, u1, v1, w1 = relative(watch, track, row, j, step + 1)
+    first, second = relative(watch, track, row, j, step), relative(watch, track, row, j, step + 1)
     low, high, s = 0.0, 1.0, 0.5
     d2 = speed2 = 0.0
     for _ in range(48):
-        x, u, ax = hermite(s, h, x0, u0, x1, u1)
-        y, v, ay = hermite(s, h, y0, v0, y1, v1)
-        z, w, az = hermite(s, h, z0, w0, z1, w1)
-        d2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
-        fall = (x * u + y * v + z * w) * h
+        d2, fall, slope, speed2 = distance2_at(s, h, first, second)
         if fall < 0.0:
             low = s
         else:
             high = s
         # Newton's method within the bounds.
-        slope = (speed2 + x * ax + y * ay + z * az) * h * h
         s_next = s - fall / slope if slope > 0.0 else low
         if not low < s_next < high:
             s_next = 0.5 * (low + high)

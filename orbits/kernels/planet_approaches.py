@@ -34,6 +34,8 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.observing import call_enter
+from orbits.kernels.search.apsides import OPEN, apsides
+from orbits.kernels.search.cubics import distance2_at
 from orbits.kernels.watch import no_particles, set_first, watch_at
 
 FRACTION, MOST_APART = 1.6, 16
@@ -111,7 +113,7 @@ def follow_planets(context, track, h, steps, start, stop):
     # Of those one lane apart the outermost and the innermost of eight planets are no neighbours.
     with0, with1 = with1 * unit(WIDTH - 1), with1 * (1.0 - unit(WIDTH - 1))
     place, velocity = _all_from_star(watch, 0)
-    lowest, highest, time = apsides(full(watch.mu), place, velocity)
+    lowest, highest, time = apsides_and_time(watch.mu, place, velocity)
     apart, share = _steps_apart(there, time, h), load(watch.lanes, SHARE)
     known2, of_star2, reach = _known2(watch)
     known = sqrt(known2)
@@ -176,12 +178,12 @@ def _limits(watch, h, there, lowest, highest, of_star2):
     """
     inside = sums_before(load(watch.lanes, SHARE) * highest) * WANDERING
     near = select(there, lowest / WANDERING + inside, 0.0)
-    far = select(there, maximum(highest * WANDERING - inside, full(0.0)), 1e150)
+    far = select(there, maximum(highest * WANDERING - inside, full(0.0)), OPEN)
     # An approach that a step may not resolve is looked for at any distance: a bound planet is too slow for it further
     # out, and even one of twice the energy.
     angle = SLACK * min(watch.pericentre_angle, 1.0)
     fast = (4.0 * watch.mu * h * h / (angle * angle)) ** (1.0 / 3.0)
-    of_star2 = maximum(of_star2, select(highest < 1e150, fast * fast, math.inf))
+    of_star2 = maximum(of_star2, select(highest < OPEN, fast * fast, math.inf))
     reach = sqrt(of_star2) + inside
     # The innermost planet turns where r' does.
     limit = maximum(near, select(inside > 0.0, reach, 0.0))
@@ -308,17 +310,10 @@ def _opening(place, velocity, h):
 
 
 @kernel(inline=True)
-def apsides(mu, place, velocity):
+def apsides_and_time(mu, place, velocity):
     """Return the least and largest distances on the osculating orbits, and distance / speed at the least."""
-    (x, y, z), (u, v, w) = place, velocity
-    cx, cy, cz = y * w - z * v, z * u - x * w, x * v - y * u
-    swept2 = cx * cx + cy * cy + cz * cz
-    parameter = swept2 / mu
-    inverse_a = 2.0 / sqrt(x * x + y * y + z * z) - (u * u + v * v + w * w) / mu
-    e = sqrt(maximum(1.0 - parameter * inverse_a, full(0.0)))
-    least = parameter / (1.0 + e)
-    highest = select(inverse_a > 0.0, (1.0 + e) / maximum(inverse_a, full(1e-300)), 1e150)
-    return least, minimum(highest, full(1e150)), least * least / sqrt(swept2)
+    orbit = apsides(mu, *place, *velocity)
+    return orbit.least, orbit.largest, orbit.least * orbit.least / sqrt(orbit.swept2)
 
 
 @kernel(inline=True)
@@ -453,35 +448,13 @@ def _estimated(h, first, second):
     """
     (x0, y0, z0, u0, v0, w0), (x1, y1, z1, u1, v1, w1) = first, second
     before, now = (x0 * u0 + y0 * v0 + z0 * w0) * h, (x1 * u1 + y1 * v1 + z1 * w1) * h
-    x, y, z = _cubic(x0, h * u0, x1, h * u1), _cubic(y0, h * v0, y1, h * v1), _cubic(z0, h * w0, z1, h * w1)
-    mean = now - before
-    _, slope, bend = _distance2(before / (before - now), x, y, z)
-    s = before / (before - now) - (slope / bend if bend > EVEN * mean else 0.0)
-    d2, slope, bend = _distance2(min(max(s, 0.0), 1.0), x, y, z)
-    _, _, bend0 = _distance2(0.0, x, y, z)
-    _, _, bend1 = _distance2(1.0, x, y, z)
+    mean, s = now - before, before / (before - now)
+    _, slope, bend, _ = distance2_at(s, h, first, second)
+    s -= slope / bend if bend > EVEN * mean else 0.0
+    d2, slope, bend, _ = distance2_at(min(max(s, 0.0), 1.0), h, first, second)
+    bend0, bend1 = distance2_at(0.0, h, first, second)[2], distance2_at(1.0, h, first, second)[2]
     # Where the squared distance bends alike all along the step, what is left of its slope takes it but little further
     # down; elsewhere it may have another minimum.
     least = CLOSE * d2 - slope * slope / (0.4 * EVEN * mean) if min(bend, bend0, bend1) > EVEN * mean else -1.0
     speed2 = max(u0 * u0 + v0 * v0 + w0 * w0, u1 * u1 + v1 * v1 + w1 * w1)
     return least, speed2, before < 0.0 and now >= 0.0
-
-
-@kernel(inline=True)
-def _cubic(x0, way0, x1, way1):
-    """Return the coefficients of the cubic polynomial through two places, with these ways in a step at both."""
-    a, b = x1 - x0 - way0, way1 - way0
-    return x0, way0, 3.0 * a - b, b - 2.0 * a
-
-
-@kernel(inline=True)
-def _distance2(s, x, y, z):
-    """Return a squared distance at the fraction s of a step, and half of its first two derivatives."""
-    (x, u, du), (y, v, dv), (z, w, dw) = _on_cubic(s, x), _on_cubic(s, y), _on_cubic(s, z)
-    return x * x + y * y + z * z, x * u + y * v + z * w, (u * u + v * v + w * w) + (x * du + y * dv + z * dw)
-
-
-@kernel(inline=True)
-def _on_cubic(s, coefficients):
-    a, b, c, d = coefficients
-    return a + s * (b + s * (c + s * d)), b + s * (2.0 * c + 3.0 * s * d), 2.0 * c + 6.0 * s * d

@@ -17,12 +17,11 @@ from orbits.marching.transformed import TimeTransformed
 Array = NDArray[np.float64]
 
 
-def last_good(can_be_taken: Callable[[int], bool], bad: int) -> int:
-    """Return the largest number of steps, less than `bad`, that can be taken, by bisection; `bad` steps cannot."""
-    good = 0
+def last_good(is_good: Callable[[int], bool], bad: int, good: int = 0) -> int:
+    """Return the last number that is good before one that is bad, by bisection between `good` and `bad`."""
     while bad - good > 1:
         middle = (good + bad) // 2
-        if can_be_taken(middle):
+        if is_good(middle):
             good = middle
         else:
             bad = middle

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
 from orbits.kernels.encounters import LEAST2, MATE, ROW
+from orbits.kernels.search.apsides import apsides_of
+from orbits.marching.failures import last_good
 from orbits.marching.passage_list import BlockList
 from orbits.marching.retirement import EJECTED, TOO_CLOSE
 
@@ -92,10 +94,7 @@ def first_step_within(suspect: Suspect, is_within: Callable[[int], bool]) -> int
     while outside > 0 and is_within(outside):
         inside, back = outside, 2 * back
         outside = max(inside - back, 0)
-    while inside - outside > 1:
-        middle = (inside + outside) // 2
-        inside, outside = (middle, outside) if is_within(middle) else (inside, middle)
-    return outside
+    return last_good(lambda step: not is_within(step), inside, outside)
 
 
 def touching(
@@ -144,9 +143,7 @@ def departures(
     r, v2 = np.sqrt((x * x).sum(axis=0)), (w * w).sum(axis=0)
     status = np.zeros(len(r), dtype=np.int64)
     if lost_within is not None:
-        swept2 = v2 * r * r - (x * w).sum(axis=0) ** 2
-        e2 = 1.0 + swept2 / mu * (v2 / mu - 2.0 / r)
-        status[swept2 / mu < lost_within * (1.0 + np.sqrt(np.maximum(e2, 0.0)))] = TOO_CLOSE
+        status[apsides_of(x.T, w.T, mu).least < lost_within] = TOO_CLOSE
     if ejected_beyond is not None:
         status[(r > ejected_beyond) & (v2 * r > 2.0 * mu)] = EJECTED
     found = np.flatnonzero(status)

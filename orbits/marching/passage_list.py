@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.errors import InputError
 from orbits.integrators.forms import Array
 from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, STEP, WHEN
+from orbits.kernels.search.apsides import apsides_of
 from orbits.marching.clocks import Clock
 
 BLOCK_ROOM = 8192
@@ -153,19 +154,15 @@ class PassageList:
         """
         row, mate = passages[:, ROW].astype(int), passages[:, MATE].astype(int)
         state, about = passages[:, STATE : STATE + 6], passages[:, ABOUT : ABOUT + 6]
-        r, speed2 = np.linalg.norm(state[:, :3], axis=1), np.sum(state[:, 3:] ** 2, axis=1)
-        mu = self._gm[row] + self._gm[mate]
+        orbit = apsides_of(state[:, :3], state[:, 3:], self._gm[row] + self._gm[mate])
+        bound = orbit.inverse_a > 0.0
         with np.errstate(all="ignore"):
-            inverse_a = 2.0 / r - speed2 / mu
-            swept2 = np.sum(np.cross(state[:, :3], state[:, 3:]) ** 2, axis=1)
-            farthest = (1.0 + np.sqrt(np.maximum(1.0 - swept2 / mu * inverse_a, 0.0))) / inverse_a
-            bound = inverse_a > 0.0
             if self._dominant < 0:
                 return np.asarray(bound)
             lighter = self._gm[row] <= self._gm[mate]
             heavier = np.where(lighter[:, None], about - state, about)[:, :3]
             share = np.maximum(self._gm[row], self._gm[mate]) / (3.0 * self._gm[self._dominant])
-            stays = bound & (farthest < np.linalg.norm(heavier, axis=1) * np.cbrt(share))
+            stays = bound & (orbit.largest < np.linalg.norm(heavier, axis=1) * np.cbrt(share))
         return np.asarray(stays | (row == self._dominant) | (mate == self._dominant))
 
     def _is_fast(self, passages: Array) -> NDArray[np.bool_]:

@@ -19,6 +19,7 @@ from orbits.kernels.interaction import STATE_ROWS
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.observing import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.planet_approaches import BODY, SHARE, SHOWN, follow_planets, show_trace
+from orbits.kernels.search.apsides import OPEN, apsides_of
 from orbits.kernels.stopping import find_suspect, first_energy_error, path_energy
 from orbits.kernels.watch import Contexts
 from orbits.marching.alignment import aligned
@@ -391,7 +392,8 @@ class Watcher:
         farthest, masses = distance, gm
         if on_kepler_orbits:
             place, velocity = (x - x[:, dominant : dominant + 1] for x in (q, v))
-            farthest = np.maximum(distance, _apocentres(place, velocity, gm[dominant] + gm))
+            apocentre = apsides_of(place.T, velocity.T, gm[dominant] + gm).largest
+            farthest = np.where(apocentre < OPEN, np.maximum(distance, apocentre), distance)
             others = np.sort(np.delete(gm, dominant))[::-1]
             if len(others) > 1:
                 masses = gm + np.where(gm == others[0], others[1], others[0])
@@ -399,15 +401,6 @@ class Watcher:
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0
         return annuli
-
-
-def _apocentres(q: Array, v: Array, mu: Array) -> Array:
-    """Return the largest distances on the osculating orbits, 0 where there is none; q, v : (3, n), mu : (n,)."""
-    with np.errstate(all="ignore"):
-        inverse = 2.0 / np.sqrt((q * q).sum(axis=0)) - (v * v).sum(axis=0) / mu
-        e2 = 1.0 - (np.cross(q, v, axis=0) ** 2).sum(axis=0) / mu * inverse
-        found = (1.0 + np.sqrt(np.maximum(e2, 0.0))) / inverse
-    return np.where(np.isfinite(found) & (inverse > 0.0), found, 0.0)
 
 
 _NO_STOPS = np.zeros((0, 4))

@@ -22,6 +22,7 @@ from orbits.errors import InputError, StepWarning, counted
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
 from orbits.integrators.wisdom_holman import WisdomHolman
+from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.approach import Approach
@@ -134,12 +135,9 @@ def _particles_too_fast(system: System, integrator: Integrator, h: float, span: 
     rows = np.flatnonzero(~system.massive)
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], float(values.gm[sun])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        r, h2 = np.linalg.norm(q, axis=1), (np.cross(q, v) ** 2).sum(axis=1)
-        beta = 2.0 * mu / r - (v * v).sum(axis=1)
-        e = np.sqrt(np.maximum(1.0 - h2 * beta / mu**2, 0.0))
-        pericentre = h2 / mu / (1.0 + e)
+        e, pericentre, _, _, inverse_a = apsides_of(q, v, mu)
         steps = 2.0 * math.pi / abs(h) * np.sqrt(pericentre**3 / (mu * (1.0 + e)))
-        period = np.where(beta > 0.0, 2.0 * math.pi * mu / np.maximum(beta, 0.0) ** 1.5, np.inf)
+        period = np.where(inverse_a > 0.0, 2.0 * math.pi / np.sqrt(mu * np.maximum(inverse_a, 0.0) ** 3), np.inf)
     ahead = (abs(span) >= period) | ((q * v).sum(axis=1) * span < 0.0) | (e < 0.1)
     least = integrator.least_steps
     worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < least]

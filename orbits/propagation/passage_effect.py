@@ -25,6 +25,7 @@ from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
+from orbits.kernels.search.apsides import apsides_of
 from orbits.point_masses import PointMasses
 from orbits.propagation.marchers import march_of
 
@@ -109,19 +110,13 @@ class Pair:
     @cached_property
     def orbit(self) -> Orbit:
         """The relative orbit."""
-        (x, y, z), (a, b, c) = self.q.tolist(), self.v.tolist()
-        try:
-            r, speed2 = math.hypot(x, y, z), a * a + b * b + c * c
-            swept = math.hypot(y * c - z * b, z * a - x * c, x * b - y * a)
-            parameter, inverse_a = swept * swept / self.mu, 2.0 / r - speed2 / self.mu
-            e = math.sqrt(max(1.0 - parameter * inverse_a, 0.0))
-            least = parameter / (1.0 + e)
-            speed = swept / least
-            if not inverse_a > 0.0:
-                return Orbit(e, least, speed, math.inf, math.inf)
-            return Orbit(e, least, speed, (1.0 + e) / inverse_a, TWO_PI / (math.sqrt(self.mu * inverse_a) * inverse_a))
-        except (ZeroDivisionError, OverflowError, ValueError):  # into the centre, or beyond the range of floats
+        e, least, farthest, swept2, inverse_a = (float(x) for x in apsides_of(self.q, self.v, self.mu))
+        if not (least > 0.0 and math.isfinite(e)):  # into the centre, or beyond the range of floats
             return Orbit(1.0, 0.0, math.inf, math.inf, math.inf)
+        if not inverse_a > 0.0:
+            return Orbit(e, least, math.sqrt(swept2) / least, math.inf, math.inf)
+        a = 1.0 / inverse_a
+        return Orbit(e, least, math.sqrt(swept2) / least, farthest, TWO_PI * a * math.sqrt(a / self.mu))
 
     @cached_property
     def ahead(self) -> float:

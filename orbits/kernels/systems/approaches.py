@@ -12,7 +12,8 @@ from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, note_rows
 from orbits.kernels.interaction import load_three, store_three
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, load, maximum, minimum, select, store
 from orbits.kernels.observing import call_enter
-from orbits.kernels.planet_approaches import MOST_APART, WANDERING, apsides, length2
+from orbits.kernels.planet_approaches import MOST_APART, WANDERING, apsides_and_time, length2
+from orbits.kernels.search.apsides import OPEN
 from orbits.kernels.systems.interaction import store_places
 from orbits.kernels.systems.planet_rows import CENTRE, PLANET, STATE, body_of, registers_of, rows_of_planets
 from orbits.kernels.systems.planets import place_seen, show_in_lanes
@@ -166,8 +167,8 @@ def begin_search(rows, count, h, contexts, carries, path, width):
         mu = max(mu, watch_at(contexts[system]).mu) if contexts[system] != 0 else mu
     for i in range(count):
         planet = _sought(count) + SOUGHT * i
-        lowest, highest, at_lowest = apsides(full(mu), *_sample(rows, planet))
-        near, far = lowest / WANDERING, minimum(WANDERING * highest, full(1e150))
+        lowest, highest, at_lowest = apsides_and_time(mu, *_sample(rows, planet))
+        near, far = lowest / WANDERING, minimum(WANDERING * highest, full(OPEN))
         store(rows, planet + NEAR, near * near)
         store(rows, planet + FAR, far * far)
         shortest = minimum(shortest, at_lowest)
