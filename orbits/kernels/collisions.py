@@ -29,7 +29,8 @@ from orbits.kernels.lanes import (
     total,
     unit,
 )
-from orbits.kernels.paths import hermite, relative, steps_between
+from orbits.kernels.paths import relative, steps_between
+from orbits.kernels.search.cubics import hermite
 from orbits.kernels.watch import flat, watch_at
 
 SAFETY, UNSEEN = 0.75, 8.0 / 3.0
