@@ -74,24 +74,24 @@ if TYPE_CHECKING:
     from orbits.lagrangians.terms.nobili_roxburgh import NobiliRoxburgh
     from orbits.lagrangians.terms.post_newtonian import PostNewtonian
     from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
-    from orbits.marching.adaptive import Adaptive
+    from orbits.marching.clocks.adaptive import Adaptive
+    from orbits.marching.clocks.transformed import TimeTransformed
     from orbits.marching.flow import DiscretePath, Flow, march
-    from orbits.marching.transformed import TimeTransformed
     from orbits.propagation import Trajectory, propagate, resume
-    from orbits.propagation.acting import Bounce, Merge
+    from orbits.propagation.collisions.merge_and_bounce import Bounce, Merge
+    from orbits.propagation.control.heartbeat import Heartbeat
+    from orbits.propagation.control.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
     from orbits.propagation.events.base import Action, Happening
-    from orbits.propagation.events.collision import Collision
-    from orbits.propagation.events.kinds import Apocentre, CloseApproach, Pericentre
-    from orbits.propagation.events.orbital import Ejection, ElementCrossing
-    from orbits.propagation.events.own import Event
-    from orbits.propagation.events.planes import NodeCrossing, PlaneCrossing
-    from orbits.propagation.events.seen import Conjunction, Occultation, Opposition, Transit
-    from orbits.propagation.heartbeat import Heartbeat
-    from orbits.propagation.shadow_energy import shadow_energy
-    from orbits.propagation.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
+    from orbits.propagation.events.kinds.collision import Collision
+    from orbits.propagation.events.kinds.from_observer import Conjunction, Occultation, Opposition, Transit
+    from orbits.propagation.events.kinds.of_pairs import Apocentre, CloseApproach, Pericentre
+    from orbits.propagation.events.kinds.orbital import Ejection, ElementCrossing
+    from orbits.propagation.events.kinds.own import Event
+    from orbits.propagation.events.kinds.planes import NodeCrossing, PlaneCrossing
+    from orbits.propagation.results.shadow_energy import shadow_energy
+    from orbits.propagation.resuming.verification import Verification, verify
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
-    from orbits.propagation.verification import Verification, verify
     from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
     from orbits.scenario import Check, Option, Scenario, Study, StudyResult, Table
     from orbits.system import System
@@ -249,9 +249,9 @@ _HOME = {
     "forces.tides": ["Tides"],
     "integrators.composition": ["Composition"],
     "integrators.explicit_euler": ["ExplicitEuler"],
-    "marching.adaptive": ["Adaptive"],
+    "marching.clocks.adaptive": ["Adaptive"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
-    "marching.transformed": ["TimeTransformed"],
+    "marching.clocks.transformed": ["TimeTransformed"],
     "integrators.gauss": ["Gauss"],
     "integrators.implicit_midpoint": ["ImplicitMidpoint"],
     "integrators.lie_group_variational": ["LieGroupVariational"],
@@ -273,21 +273,21 @@ _HOME = {
     "lagrangians.terms.post_newtonian": ["PostNewtonian"],
     "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
     "propagation": ["Trajectory", "propagate", "resume"],
-    "propagation.acting": ["Bounce", "Merge"],
-    "propagation.events.collision": ["Collision"],
+    "propagation.collisions.merge_and_bounce": ["Bounce", "Merge"],
+    "propagation.events.kinds.collision": ["Collision"],
     "propagation.events.base": ["Action", "Happening"],
-    "propagation.events.kinds": ["Apocentre", "CloseApproach", "Pericentre"],
-    "propagation.events.orbital": ["Ejection", "ElementCrossing"],
-    "propagation.events.own": ["Event"],
-    "propagation.events.planes": ["NodeCrossing", "PlaneCrossing"],
-    "propagation.events.seen": ["Conjunction", "Occultation", "Opposition", "Transit"],
+    "propagation.events.kinds.of_pairs": ["Apocentre", "CloseApproach", "Pericentre"],
+    "propagation.events.kinds.orbital": ["Ejection", "ElementCrossing"],
+    "propagation.events.kinds.own": ["Event"],
+    "propagation.events.kinds.planes": ["NodeCrossing", "PlaneCrossing"],
+    "propagation.events.kinds.from_observer": ["Conjunction", "Occultation", "Opposition", "Transit"],
     "regression": ["compare", "from_rebound", "residuals", "run_from_rebound", "to_rebound"],
-    "propagation.heartbeat": ["Heartbeat"],
-    "propagation.shadow_energy": ["shadow_energy"],
-    "propagation.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
+    "propagation.control.heartbeat": ["Heartbeat"],
+    "propagation.results.shadow_energy": ["shadow_energy"],
+    "propagation.control.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
-    "propagation.verification": ["Verification", "verify"],
+    "propagation.resuming.verification": ["Verification", "verify"],
     "scenario": ["Check", "Option", "Scenario", "Study", "StudyResult", "Table"],
     "system": ["System"],
     "system.rigid_body": ["RigidBody"],

@@ -309,7 +309,7 @@ def verify(
     Example: orbits verify results/solar_system/run.h5 --recompute all
     """
     with guarded():
-        from orbits.propagation.verification import verify as check
+        from orbits.propagation.resuming.verification import verify as check
 
         found = check(file, recompute=recompute)  # type: ignore[arg-type]
         print(json.dumps(found.record(), indent=1) if as_json else found)

@@ -100,9 +100,9 @@ def free_rotation(
     Raises InputError for moments that no body has, numbers that are not finite, and an attitude that is no rotation,
     with its distance from one.
 
-    Source: Whittaker (1937), Analytical Dynamics, sec. 69-71; see `orbits.kernels.rotation`.
+    Source: Whittaker (1937), Analytical Dynamics, sec. 69-71; see `orbits.kernels.rotation.free_rotation`.
     """
-    from orbits.kernels.rotation import rotated_at
+    from orbits.kernels.rotation.free_rotation import rotated_at
 
     moments = checked_moments(inertia)
     q, _ = start(rates, attitude)

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from orbits.archive.origin import Origin
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
-from orbits.marching.adaptive import Adaptive
-from orbits.marching.changing import ChangingSteps
-from orbits.marching.clocks import ConstantSteps
-from orbits.marching.transformed import TimeTransformed
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.clocks.transformed import TimeTransformed
+from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.system.model import from_json, to_json
 from orbits.time_grid import MOST_STEPS, TimeGrid
 from orbits.units import FARTHEST_DATE, date_text

@@ -26,7 +26,7 @@ from orbits.archive.schema import Layout
 from orbits.archive.steps import KEPT, ArchivedSteps
 from orbits.archive.storage import Storage, raw_bytes
 from orbits.errors import ArchiveError
-from orbits.marching import changing
+from orbits.marching.clocks import variable_steps
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -299,7 +299,7 @@ class Archive:
 
 def _reading(checkpoint: Checkpoint | None, grid: TimeGrid) -> list[float]:
     """Return the time of a march at its checkpoint, if that is one of a run."""
-    name, place = ("clock", changing.TIME) if grid.clock.changes else ("counts", 0)
+    name, place = ("clock", variable_steps.TIME) if grid.clock.changes else ("counts", 0)
     array = None if checkpoint is None else checkpoint.get(name)
     if array is None or array.ndim != 1 or len(array) <= place or not np.isfinite(array[place]):
         return []

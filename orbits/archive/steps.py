@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from orbits.archive.storage import Storage, raw_bytes
 from orbits.errors import ArchiveError
-from orbits.marching.kept_steps import of_pieces
+from orbits.marching.stepping.kept_steps import of_pieces
 
 Floats = NDArray[np.float64]
 Piece = tuple[Floats, Floats, Floats]

@@ -14,7 +14,7 @@ import numpy as np
 
 from orbits.certificate.measuring import EPS, STEPS, Measured, Problem
 from orbits.diagnostics.tangent import plain_step
-from orbits.integrators.transformed_bodies import ENERGY, KNOWN
+from orbits.integrators.collocation.transformed_bodies import ENERGY, KNOWN
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.marcher import Marcher
 

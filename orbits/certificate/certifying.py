@@ -21,9 +21,9 @@ from orbits.errors import InputError, IntegrationError, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.lagrangians.base import CONSTRAINED, NEWTONIAN, SEPARABLE, Lagrangian
-from orbits.marching.changing import ChangingSteps
+from orbits.marching.clocks.transformed import TimeTransformed
+from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.marching.flow import starting_state
-from orbits.marching.transformed import TimeTransformed
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -108,8 +108,8 @@ def certify(
 
 def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
     from orbits.certificate.bodies import balances, step_of_bodies
-    from orbits.marching.choice import form_of_bodies
-    from orbits.marching.clocks import ConstantSteps
+    from orbits.marching.clocks.constant import ConstantSteps
+    from orbits.marching.stepping.choice_of_form import form_of_bodies
     from orbits.system.model import lagrangian_of, model
 
     acting = model(system, np.flatnonzero(system.massive))

@@ -19,7 +19,7 @@ from orbits import discrete
 from orbits.certificate.measuring import DEL_POINTS, EPS, Array, Measured, Problem
 from orbits.diagnostics.constrained_motion import motion
 from orbits.discrete import Constrained
-from orbits.integrators.chain import Chain
+from orbits.integrators.kicks_and_drifts.chain import Chain
 from orbits.lagrangians.constraints import constraint_values, onto_constraints
 from orbits.marching.flow import Flow
 

@@ -23,7 +23,7 @@ from orbits.diagnostics.tangent import PlainStep, plain_step, symplecticity_defe
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
-from orbits.integrators.kepler_map import outwards
+from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.flow import DiscretePath, Flow
 

@@ -71,8 +71,8 @@ def _attraction(gm: Floats, q: Floats, softening: float) -> Pair:
 
     NaN where a distance is 0, or so small that its square loses digits.
     """
+    from orbits.kernels.gravity.potential import doubled_attraction
     from orbits.kernels.lanes import WIDTH
-    from orbits.kernels.potential import doubled_attraction
 
     samples, bodies = q.shape[:2]
     result = Pair(np.empty(samples), np.empty(samples))

@@ -1,8 +1,8 @@
 """The free rotation of a rigid body in many digits, by Jacobi's elliptic functions and the integral of the third kind.
 
-It shares nothing with `orbits.kernels.rotation`, which it judges. With I_1 < I_2 < I_3, M = |Pi|, and t = 0 where
-Omega_2 = 0, the rates are multiples of cn, sn and dn of lambda t if Pi goes round the axis 3, of dn, sn and cn if it
-goes round the axis 1, and
+It shares nothing with `orbits.kernels.rotation.free_rotation`, which it judges. With I_1 < I_2 < I_3, M = |Pi|, and t =
+0 where Omega_2 = 0, the rates are multiples of cn, sn and dn of lambda t if Pi goes round the axis 3, of dn, sn and cn
+if it goes round the axis 1, and
 
     R = R_z(phi) R_x(theta) R_z(psi),     cos(theta) = Pi_3/M,     psi = atan2(Pi_1, Pi_2)
     phi = (M/I_3) t + M (I_3 - I_1)/(I_1 I_3 lambda) Pi(n; am(lambda t) | k^2)

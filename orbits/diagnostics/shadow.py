@@ -36,9 +36,9 @@ from orbits.diagnostics.constrained_motion import motion
 from orbits.diagnostics.tangent import plain_step
 from orbits.errors import InputError
 from orbits.integrators.base import SYMMETRIC, Integrator
-from orbits.integrators.chain import Chain
 from orbits.integrators.composition import Composition
-from orbits.integrators.splitting import Splitting
+from orbits.integrators.kicks_and_drifts.chain import Chain
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.lagrangians.base import CONSTRAINED, SEPARABLE, Lagrangian
 from orbits.lagrangians.evaluation import gradients, value
 from orbits.tableaux import PartitionedTableau, gauss

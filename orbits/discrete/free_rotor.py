@@ -14,7 +14,7 @@ and gives all second derivatives: for a further turn zeta of F,
     delta Pi_0 = A^-1 zeta,     delta Pi_1 = F^T delta Pi_0 + Pi_1 x zeta
 
 Motions are those of Gauss collocation with twelve stages. They share nothing with the compiled closed form of
-`orbits.kernels.rotation`, which they judge.
+`orbits.kernels.rotation.free_rotation`, which they judge.
 
 Source: Marsden & West (2001), sec. 1.6; Marsden, Pekarsky & Shkoller (1999), Nonlinearity 12, 1647.
 """

@@ -1,7 +1,8 @@
 """The discrete Lagrangian of Wisdom–Holman maps in Jacobi coordinates, without a corrector.
 
-With the centre of mass Q, Jacobi coordinates and masses r'_i, m'_i = m_i M_(i-1)/M_i (`orbits.kernels.jacobi`), the
-Lagrangian of point masses is a free particle of mass M and Kepler problems of attracting masses M_i, less a potential:
+With the centre of mass Q, Jacobi coordinates and masses r'_i, m'_i = m_i M_(i-1)/M_i (`orbits.kernels.maps.jacobi`),
+the Lagrangian of point masses is a free particle of mass M and Kepler problems of attracting masses M_i, less a
+potential:
 
     V(q) = - sum_(i<j) m_i m_j / |q_i - q_j| + sum_i m_i M_(i-1) / |r'_i|,     m for GM as everywhere
 

@@ -21,9 +21,9 @@ def kepler_flow(q: Any, v: Any, gm: Any, dt: Any) -> tuple[Any, Any]:
     All arguments broadcast: one state and an array of dt give an orbit. They are either plain numbers in consistent
     units, and plain arrays are returned, or four quantities, and quantities in the units of q and v are returned.
 
-    Valid for every conic, with an error of a few times the effect of rounding the input (see `orbits.kernels.kepler`).
-    dt = 0 returns the state exactly. With gm = 0 the motion is straight. Motion along a line through the centre is the
-    limit of ever narrower orbits: after a collision it returns the way it came.
+    Valid for every conic, with an error of a few times the effect of rounding the input (see
+    `orbits.kernels.kepler.flow`). dt = 0 returns the state exactly. With gm = 0 the motion is straight. Motion along a
+    line through the centre is the limit of ever narrower orbits: after a collision it returns the way it came.
 
     Raises InputError for values that are not finite, shapes or units that do not fit, gm < 0, q = 0, and results beyond
     the range of floats.

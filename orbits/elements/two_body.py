@@ -1,4 +1,5 @@
-"""The exact two-body flow on arrays of floats: checks, an exact scaling, and the kernel of `orbits.kernels.kepler`.
+"""The exact two-body flow on arrays of floats: checks, an exact scaling, and the kernel of
+`orbits.kernels.kepler.flow`.
 
 Lengths and times are scaled by powers of two, which is exact, so that distances and GM are about 1 in the kernel and no
 square over- or underflows.
@@ -89,7 +90,7 @@ def _checked(q: ArrayLike, v: ArrayLike, gm: ArrayLike, dt: ArrayLike, names: Se
 
 
 def _moved(step: _Step, names: Sequence[str] | None) -> tuple[Floats, Floats]:
-    from orbits.kernels.kepler import kepler_flow  # imported late: it loads Numba
+    from orbits.kernels.kepler.flow import kepler_flow  # imported late: it loads Numba
     from orbits.kernels.lanes import WIDTH
 
     count = step.gm.size

@@ -6,7 +6,7 @@ import sys
 import time
 from typing import Any
 
-from orbits.propagation.progress import PATIENCE, in_notebook
+from orbits.propagation.control.progress import PATIENCE, in_notebook
 
 
 class Bar:

@@ -30,8 +30,8 @@ from orbits.errors import (
 )
 from orbits.finding import SHOWN, Finding
 from orbits.marching.marcher import available_threads
+from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.marchers import BITS_DEPEND_ON, differences, provenance
-from orbits.propagation.signals import StopRequest
 
 PAUSE = 0.2
 """Seconds between two looks at signals and at the bar."""

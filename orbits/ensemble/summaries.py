@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import OrbitsError
-from orbits.propagation.refinement import refine
-from orbits.propagation.replay import seen_by
+from orbits.propagation.results.refinement import refine
+from orbits.propagation.resuming.marching_again import seen_by
 from orbits.system import System
 from orbits.trajectory import Trajectory
 

@@ -23,11 +23,11 @@ from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWar
 from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
+from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.loop import Run, marching, to_its_end
 from orbits.propagation.marchers import provenance
 from orbits.propagation.run import RunOptions, begun, resumed
 from orbits.propagation.side_by_side import march_in_threads
-from orbits.propagation.signals import StopRequest
 from orbits.propagation.variations.megno import megno
 from orbits.system import System
 from orbits.time_grid import TimeGrid

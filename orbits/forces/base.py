@@ -13,8 +13,8 @@ A force with internal variables y, such as a spin, has their number as the kerne
 
 `strength` is the parameter vector of `newtonian`, `own` is that of the force; t is the time since the epoch of the
 system, in its unit. One that comes from a body and acts on others relative to it has a single kernel instead of both,
-`acceleration`: see `orbits.kernels.central`. A method includes forces by the discrete Lagrange–d'Alembert principle:
-with f at the stages, P_i = p + h sum_j a_ij (dL/dq + f)_j.
+`acceleration`: see `orbits.kernels.gravity.central_forces`. A method includes forces by the discrete
+Lagrange–d'Alembert principle: with f at the stages, P_i = p + h sum_j a_ij (dL/dq + f)_j.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.kernels.binding import Tag
-from orbits.kernels.central import coefficient
+from orbits.kernels.gravity.central_forces import coefficient
 
 __all__ = ["BoundForce", "Force", "coefficient"]
 

@@ -1,7 +1,7 @@
 """What forces that come from one body share: numbers for each body, and the vector of parameters.
 
-Of such a force only the kernel `acceleration` is written; see `orbits.kernels.central`, also for the parameters.
-Bodies that the force does not act on have coefficients of zero.
+Of such a force only the kernel `acceleration` is written; see `orbits.kernels.gravity.central_forces`, also for the
+parameters. Bodies that the force does not act on have coefficients of zero.
 """
 
 from __future__ import annotations

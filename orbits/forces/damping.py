@@ -22,8 +22,8 @@ from orbits.checks import pole_direction
 from orbits.errors import InputError
 from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
-from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.central_forces import OWN
 
 
 @kernel(inline=True)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, with_unit
 from orbits.forces.base import BoundForce, Force
 from orbits.kernels.binding import Tag
-from orbits.kernels.central import coefficient, push
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.central_forces import coefficient, push
 from orbits.kernels.lanes import WIDTH, get
 
 RATES = 3

@@ -21,8 +21,8 @@ from orbits.checks import pole_direction
 from orbits.errors import InputError, shown
 from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
-from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.central_forces import OWN
 from orbits.kernels.lanes import rsqrt_cubed, sqrt
 from orbits.kernels.lanes.functions import power
 

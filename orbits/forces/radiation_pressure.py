@@ -22,8 +22,8 @@ from orbits.checks import light_speed
 from orbits.errors import InputError, shown
 from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
-from orbits.kernels.central import OWN
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.central_forces import OWN
 from orbits.kernels.lanes import rsqrt_cubed
 
 SUNLIGHT = 3 * 3.828e26 / (16 * np.pi * 1.3271244e20 * 299792458.0)

@@ -34,8 +34,8 @@ from orbits.checks import pole_direction
 from orbits.errors import InputError, shown
 from orbits.forces.central import CentralForce
 from orbits.kernels.binding import Tag
-from orbits.kernels.central import OWN, SOURCE, push, relative
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.central_forces import OWN, SOURCE, push, relative
 from orbits.kernels.lanes import get, put, rsqrt_cubed
 
 SIZE, LAG, LIGHTNESS, FIRST = range(OWN, OWN + 4)

@@ -23,10 +23,10 @@ from orbits.discrete.composed import composed
 from orbits.discrete.rotors import kick_rotate_kick
 from orbits.errors import InputError, shown
 from orbits.integrators.base import SYMMETRIC, Integrator
-from orbits.integrators.chain import Chain
 from orbits.integrators.forms import Array, Form
-from orbits.integrators.rotating import Rotating
-from orbits.integrators.splitting import Splitting
+from orbits.integrators.kicks_and_drifts.chain import Chain
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
+from orbits.integrators.rigid.rotating import Rotating
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.lagrangians.base import Lagrangian
 from orbits.tableaux import PartitionedTableau

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.kernels.binding import Tag
-from orbits.kernels.keeping import identity
+from orbits.kernels.compile.disk_cache import identity
 from orbits.kernels.lanes import WIDTH
 
 Array = NDArray[np.float64]
@@ -128,7 +128,7 @@ class Form:
 
     def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
         """Return the kernel that marches eight systems of `size` coordinates at once, to the bits of each alone, and
-        how many rows of workspace it needs; None if there is none. See `orbits.marching.systems_in_lanes`.
+        how many rows of workspace it needs; None if there is none. See `orbits.marching.stepping.systems_in_lanes`.
         """
         return None
 

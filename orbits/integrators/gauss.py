@@ -15,9 +15,9 @@ from typing import ClassVar
 from orbits.checks import checked_flag, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import option
-from orbits.integrators.collocation import Collocation
+from orbits.integrators.collocation.form import Collocation
+from orbits.integrators.collocation.variational import VariationalRungeKutta
 from orbits.integrators.forms import Form
-from orbits.integrators.variational import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, gauss
 
 MOST = 32

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from orbits.integrators.variational import VariationalRungeKutta
+from orbits.integrators.collocation.variational import VariationalRungeKutta
 from orbits.tableaux import SymplecticTableau, gauss
 
 

@@ -31,7 +31,7 @@ from orbits.discrete.base import DiscreteLagrangian
 from orbits.discrete.rotors import moser_veselov
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.forms import Array, Form
-from orbits.integrators.rotors import Turning, cross, times
+from orbits.integrators.rigid.rotors import Turning, cross, times
 from orbits.kernels.compile import kernel
 from orbits.lagrangians.base import RIGID_BODIES, Lagrangian
 from orbits.rotations import product

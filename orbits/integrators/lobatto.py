@@ -17,10 +17,10 @@ import numpy as np
 
 from orbits.checks import is_whole
 from orbits.errors import InputError, shown
+from orbits.integrators.collocation.variational import VariationalRungeKutta
 from orbits.integrators.forms import Array, Form
-from orbits.integrators.splitting import Splitting
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.integrators.stormer_verlet import kick_drift_kick
-from orbits.integrators.variational import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
 from orbits.tableaux import SymplecticTableau, lobatto_iiia_iiib, lobatto_iiib_iiia
 

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
-from orbits.integrators.constrained_splitting import ConstrainedSplitting
-from orbits.integrators.splitting import Splitting
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
+from orbits.integrators.kicks_and_drifts.with_constraints import ConstrainedSplitting
 from orbits.integrators.stormer_verlet import kick_drift_kick
 from orbits.lagrangians.base import SEPARABLE
 from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib

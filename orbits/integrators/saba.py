@@ -1,8 +1,8 @@
 """Symplectic splittings of several kicks a step, for planets about a dominant body: SABA, or ABA.
 
-With the Hamiltonian in Jacobi coordinates (`orbits.kernels.jacobi`) as A + B, A the free centre of mass and the Kepler
-motions and B the interaction, a step is a sequence of Kepler motions and kicks, a palindrome that begins and ends with
-a motion. With coefficients made for a small B (`orbits.tableaux.near_integrable`), the error of a step is
+With the Hamiltonian in Jacobi coordinates (`orbits.kernels.maps.jacobi`) as A + B, A the free centre of mass and the
+Kepler motions and B the interaction, a step is a sequence of Kepler motions and kicks, a palindrome that begins and
+ends with a motion. With coefficients made for a small B (`orbits.tableaux.near_integrable`), the error of a step is
 
     eps h^(r1) + eps^2 h^(r2) + eps^3 h^(r3),     eps the mass of the planets in units of that of the dominant body
 
@@ -26,15 +26,22 @@ import numpy as np
 from orbits.checks import is_one_of, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.dominant import registers_for
 from orbits.integrators.forms import Array, padded
-from orbits.integrators.on_kepler_orbits import OnKeplerOrbits, begin_particles, keep_particles, rows_of, stretch_rows
+from orbits.integrators.maps.dominant import registers_for
+from orbits.integrators.maps.on_kepler_orbits import (
+    OnKeplerOrbits,
+    begin_particles,
+    keep_particles,
+    rows_of,
+    stretch_rows,
+)
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import ROWS
-from orbits.kernels.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
-from orbits.kernels.jacobi_particles import seen_particles
-from orbits.kernels.jacobi_particles_entering import enter_among, leave_among
-from orbits.kernels.jacobi_stages import (
+from orbits.kernels.lanes import WIDTH, full
+from orbits.kernels.maps.interaction import ROWS
+from orbits.kernels.maps.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
+from orbits.kernels.maps.jacobi_particles import seen_particles
+from orbits.kernels.maps.jacobi_particles_entering import enter_among, leave_among
+from orbits.kernels.maps.jacobi_stages import (
     particles_at_the_end,
     particles_in_stages,
     registers_in,
@@ -44,8 +51,7 @@ from orbits.kernels.jacobi_stages import (
     step_in_stages_among_particles,
     tabulate_the_end,
 )
-from orbits.kernels.lanes import WIDTH, full
-from orbits.kernels.stages_of_maps import DRIFT, STANDARD
+from orbits.kernels.maps.stages import DRIFT, STANDARD
 from orbits.kernels.steps import OK, Particles
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.near_integrable import KNOWN, REFINED, binary_splitting
@@ -201,7 +207,7 @@ class KeplerStages(OnKeplerOrbits):
         return rows_of([(DRIFT, rows[ENTRY, 0])]), rows_of(step)
 
     def stages_shape(self, size: int) -> tuple[int, int]:
-        """A table for each kick, and workspace; see `orbits.kernels.jacobi_particles`. None are kept without
+        """A table for each kick, and workspace; see `orbits.kernels.maps.jacobi_particles`. None are kept without
         particles.
         """
         if not self.among_particles:
@@ -210,7 +216,7 @@ class KeplerStages(OnKeplerOrbits):
         return kicks * (3 * (planets + 1) + planets) + 3 * registers_for(size), WIDTH
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """The rows of `orbits.kernels.jacobi`, and a copy of the planets."""
+        """The rows of `orbits.kernels.maps.jacobi`, and a copy of the planets."""
         return ROWS * registers_for(size) + WIDTH + self.carry_rows(size), WIDTH
 
 

@@ -20,8 +20,8 @@ from orbits.discrete.base import DiscreteLagrangian
 from orbits.discrete.rotors import kick_rotate_kick
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.forms import Array
-from orbits.integrators.rotating import Rotating
-from orbits.integrators.splitting import Splitting
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
+from orbits.integrators.rigid.rotating import Rotating
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMPLECTIC
+from orbits.integrators.collocation.variational import VariationalRungeKutta
 from orbits.integrators.forms import Array
-from orbits.integrators.splitting import Splitting
-from orbits.integrators.variational import VariationalRungeKutta
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.tableaux import SymplecticTableau, drift_kick, kick_drift
 
 

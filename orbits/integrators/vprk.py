@@ -11,7 +11,7 @@ import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC
-from orbits.integrators.variational import VariationalRungeKutta
+from orbits.integrators.collocation.variational import VariationalRungeKutta
 from orbits.kernels.lanes import WIDTH
 from orbits.tableaux import SymplecticTableau, convergence_order, symplectic
 from orbits.tableaux.symplectic import FLOAT_TOLERANCE

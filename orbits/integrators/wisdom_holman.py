@@ -1,8 +1,8 @@
 """Wisdom–Holman maps: planets about a dominant body, on exact Kepler orbits between kicks by their interaction.
 
-With the Hamiltonian in Jacobi coordinates (`orbits.kernels.jacobi`) as A + B, A the free centre of mass and the Kepler
-motions and B the interaction, whose potential is V, a step is half a kick, Kepler motions, half a kick. It is the
-variational integrator of
+With the Hamiltonian in Jacobi coordinates (`orbits.kernels.maps.jacobi`) as A + B, A the free centre of mass and the
+Kepler motions and B the interaction, whose potential is V, a step is half a kick, Kepler motions, half a kick. It is
+the variational integrator of
 
     L_d(q, q+; h) = M |Q+ - Q|^2 / (2h) + sum_i m'_i S_i(q_i, q_i+; h) - h/2 [V(q) + V(q+)]
 
@@ -14,7 +14,7 @@ kick is the acceleration by V at q + h^2/12 a: the same to the second order in t
 symplectic. State and corrected state are in doubled precision.
 
 Terms of the dominant body, such as relativity and oblateness, are a part of B: those of positions alone in its kicks,
-all others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.terms_about`.
+all others as a flow for half a step on both sides of the Kepler motions; see `orbits.kernels.maps.terms_of_dominant`.
 
 Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fields Inst. Commun. 10, 217; Wisdom
 (2006), AJ 131, 2294; Rein, Tamayo & Brown (2019), MNRAS 489, 4632.
@@ -29,9 +29,9 @@ from typing import Any, ClassVar
 from orbits.checks import checked_flag, finite_number, has_unit, is_one_of, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.democratic_heliocentric import DemocraticHeliocentric
 from orbits.integrators.forms import Form
-from orbits.integrators.kepler_map import KeplerSplitting
+from orbits.integrators.maps.heliocentric_form import DemocraticHeliocentric
+from orbits.integrators.maps.jacobi_form import KeplerSplitting
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS
 
@@ -91,10 +91,10 @@ class WisdomHolman(Integrator):
     (`PostNewtonian`, `ZonalHarmonics`, `FrameDragging`), on orbits that do not come close to planets, elliptic or
     hyperbolic. The planets are numbered outwards by the energies of their orbits at the start, in any order of the
     bodies. A massless particle moves about the centre of mass of the dominant body and the planets whose semi-major
-    axes are below its pericentre distance at the start; see `orbits.kernels.jacobi_particles`. The map of the planets
-    is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the planets'
-    masses; it is symmetric without a corrector, and up to that order with one. With terms, what is left is of the
-    second order in them, too, times h^2; of oblateness the lazy kick removes that.
+    axes are below its pericentre distance at the start; see `orbits.kernels.maps.jacobi_particles`. The map of the
+    planets is symplectic and conserves the momenta, but for the lazy kick, which does so up to the third order in the
+    planets' masses; it is symmetric without a corrector, and up to that order with one. With terms, what is left is of
+    the second order in them, too, times h^2; of oblateness the lazy kick removes that.
 
     Closest approaches, and the conditions that end a run, see the states between samples without the corrector: they
     are off by a fraction of about (mass of the planets) x (angle in a step)^2 of the distances, and with relativity

@@ -16,8 +16,8 @@ from numba.extending import intrinsic
 
 from orbits.kernels.binding import accelerate, accelerate_some, bodies
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes.type import element_pointer
-from orbits.kernels.verbs import verb
 
 ARRIVED, CLAIMED, ABANDONED = 0, 8, 16
 """Indices of the counters, each in a cache line of its own."""

@@ -19,8 +19,8 @@ from numba.core.datamodel.models import OpaqueModel
 from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import full, store
-from orbits.kernels.verbs import verb
 
 _KERNELS: dict[str, Mapping[str, Any]] = {}
 
@@ -49,7 +49,7 @@ class Tag:
 class SumTag(Tag):
     """A sum of terms as compiled code sees it: the first writes, the others add.
 
-    forces : the forces without a Lagrangian (see `orbits.kernels.acting`)
+    forces : the forces without a Lagrangian (see `orbits.kernels.gravity.terms_and_forces`)
     """
 
     def __init__(self, terms: Sequence[Tag], forces: Sequence[Tag] = ()) -> None:

@@ -9,7 +9,7 @@ Each function below is resolved at compile time to the clock's own:
         chooses step k of a block, lets the method take it, and repeats it if the clock rejects it. The status is that
         of the last attempt; `BEYOND` if the step would pass the goal of the march, `TOO_SHORT` if its length vanishes
 
-In Python, clocks are the classes of `orbits.marching.clocks`.
+In Python, clocks are the classes of `orbits.marching.clocks.constant`.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.steps import step
-from orbits.kernels.verbs import verb
 
 
 class Clock(NamedTuple):

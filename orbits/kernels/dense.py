@@ -25,10 +25,10 @@ from __future__ import annotations
 
 from orbits.kernels.binding import dimension, kernel_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, enter, leave, part
-from orbits.kernels.summation import two_sum
-from orbits.kernels.verbs import verb
+from orbits.kernels.sums.summation import two_sum
 
 
 @verb

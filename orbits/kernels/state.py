@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.kernels.steps import Particles
-from orbits.kernels.summation import accumulate, add_product
+from orbits.kernels.sums.summation import accumulate, add_product
 
 
 class Columns(NamedTuple):

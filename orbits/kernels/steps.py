@@ -1,8 +1,8 @@
 """The contract of a step: the compiled functions of a method, their arguments, and how the driver finds them.
 
 A step is a function of values. It is independent of recording, observers, samples, threads and files; the loop that
-calls it (`orbits.marching.driver`) is independent of stages. A method enters compiled code as a tag, like a Lagrangian
-(see `orbits.kernels.binding`), and each function below is resolved at compile time to the method's own:
+calls it (`orbits.marching.stepping.driver`) is independent of stages. A method enters compiled code as a tag, like a
+Lagrangian (see `orbits.kernels.binding`), and each function below is resolved at compile time to the method's own:
 
     begin(method, model, t, h, state, storage)
         computes what is derived from the state, such as the first force; called at the beginning of a block of steps.
@@ -42,9 +42,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from orbits.kernels.binding import kernel_of
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.paths import record_strip
-from orbits.kernels.verbs import verb
+from orbits.kernels.search.paths import record_strip
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
 """The status of a step."""
@@ -187,8 +187,8 @@ def show(method, model, state, storage):
 
 @verb
 def record(method, model, state, storage, path, row):
-    """Write what observers see into a row of `path`, (rows * 2 * padded,), see `orbits.kernels.paths`; for methods with
-    a kernel `trace`, from which they compute it.
+    """Write what observers see into a row of `path`, (rows * 2 * padded,), see `orbits.kernels.search.paths`; for
+    methods with a kernel `trace`, from which they compute it.
     """
     traced, compiled = _kernel(method, "trace"), _kernel(method, "show")
     if traced is not None:

@@ -4,7 +4,7 @@
     g = (sum_{i<j} G (m_i + m_j) / (r_ij^2 + eps^2)^(3/2))^(-1/2)
 
 Its orbits at the energy E0 are those of Newton's Lagrangian, its momenta are the same. It is what
-`orbits.TimeTransformed` marches (in positions and velocities, `orbits.integrators.transformed_bodies`).
+`orbits.TimeTransformed` marches (in positions and velocities, `orbits.integrators.collocation.transformed_bodies`).
 
 Parameters: eps^2, then GM of each body, then E0. Quantities proportional to masses are multiplied by G.
 Source: Hairer, Lubich & Wanner (2006), sec. VIII.2.1; Leimkuhler & Reich (2004), sec. 9.2.

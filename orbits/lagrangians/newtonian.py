@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.errors import InputError
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
-from orbits.kernels.fine_gravity import add_fine_pair_accelerations
-from orbits.kernels.gravity import (
+from orbits.kernels.gravity.fine_pair_sums import add_fine_pair_accelerations
+from orbits.kernels.gravity.pair_sums import (
     attraction,
     body_accelerations,
     close_attraction,

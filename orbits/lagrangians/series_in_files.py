@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import EpochError, InputError
-from orbits.kernels import chebyshev
-from orbits.kernels.chebyshev import BEFORE_COEFFICIENTS, COLUMNS, Given
+from orbits.kernels.ephemeris import chebyshev
+from orbits.kernels.ephemeris.chebyshev import BEFORE_COEFFICIENTS, COLUMNS, Given
 
 Array = NDArray[np.float64]
 

@@ -25,11 +25,11 @@ from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, SEPARABLE, Lagrangia
 from orbits.lagrangians.constraints import constraint_values, require_on_constraints
 from orbits.lagrangians.symmetry import Symmetry
 from orbits.lagrangians.transforming import is_transformed
-from orbits.marching import driver
-from orbits.marching.alignment import aligned
-from orbits.marching.choice import form_for
-from orbits.marching.clocks import ConstantSteps
-from orbits.marching.failures import failure_of_coordinates, last_good
+from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.stepping import driver
+from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.choice_of_form import form_for
+from orbits.marching.stepping.failures import failure_of_coordinates, last_good
 
 Array = NDArray[np.float64]
 

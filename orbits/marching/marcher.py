@@ -20,29 +20,30 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, IntegrationError
 from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
+from orbits.integrators.collocation.given_bodies import GivenBodies
 from orbits.integrators.forms import Array
-from orbits.integrators.given_bodies import GivenBodies
-from orbits.kernels.acting import FIGURES, acted_on
 from orbits.kernels.dense import times_reached
-from orbits.kernels.encounters import COLUMNS
+from orbits.kernels.gravity.terms_and_forces import FIGURES, acted_on
+from orbits.kernels.search.record import COLUMNS
 from orbits.kernels.steps import NOWHERE
 from orbits.lagrangians.base import GIVEN, NEWTONIAN, SEPARABLE, Lagrangian
-from orbits.marching import changing, kepler_passages
-from orbits.marching.adaptive import ALONE, LONGEST, LONGEST_OF_GIVEN, Adaptive
-from orbits.marching.blocks import APART, Blocks, steps_apart
-from orbits.marching.bound_loops import BoundLoops
-from orbits.marching.changing import ChangingSteps
-from orbits.marching.choice import form_of_bodies
-from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
-from orbits.marching.failures import failure_of_bodies
-from orbits.marching.hand_over import parts_taken
-from orbits.marching.handing_over import OwnSteps
-from orbits.marching.motion import Motion
-from orbits.marching.own_clocks import REACHED
-from orbits.marching.partial_steps import PartialSteps
-from orbits.marching.passage_list import PassageList
-from orbits.marching.retirement import Lost, Retired, Retirement, retirements
-from orbits.marching.watcher import Watcher, empty_record, thresholds
+from orbits.marching.clocks import variable_steps
+from orbits.marching.clocks.adaptive import ALONE, LONGEST, LONGEST_OF_GIVEN, Adaptive
+from orbits.marching.clocks.constant import Clock, ConstantSteps, Place, clock_of
+from orbits.marching.clocks.variable_steps import ChangingSteps
+from orbits.marching.following.excursion_rules import OwnSteps
+from orbits.marching.following.own_clocks import REACHED
+from orbits.marching.following.particle_excursions import parts_taken
+from orbits.marching.following.retirement import Lost, Retired, Retirement, retirements
+from orbits.marching.stepping.blocks import APART, Blocks, steps_apart
+from orbits.marching.stepping.bound_loops import BoundLoops
+from orbits.marching.stepping.choice_of_form import form_of_bodies
+from orbits.marching.stepping.failures import failure_of_bodies
+from orbits.marching.stepping.motion import Motion
+from orbits.marching.stepping.partial_steps import PartialSteps
+from orbits.marching.watching import kepler_passages
+from orbits.marching.watching.passage_list import PassageList
+from orbits.marching.watching.watcher import Watcher, empty_record, thresholds
 
 
 def available_threads() -> int:
@@ -57,11 +58,11 @@ class Marcher(Blocks):
     parameters : vector of the Lagrangian's kernels, for the massive bodies; for a sum of terms a tuple, Newton's first
     massive : (n,) bool; which bodies are massive
     q, v : (n, 3) float64 in the order of the caller
-    clock : the times of the steps (see `orbits.marching.clocks`); a number h is the clock of constant steps h
+    clock : the times of the steps (see `orbits.marching.clocks.constant`); a number h is the clock of constant steps h
     names : (n,) names for messages
     threads : how many threads massless particles, and thousands of massive bodies, may use
-    stops : (conditions, 4), see `orbits.kernels.stopping`, with rows numbered in the order of the caller: the march
-        stops after each step in which a pair may come to its bound, until it is told to `pass_by`
+    stops : (conditions, 4), see `orbits.kernels.search.stopping`, with rows numbered in the order of the caller: the
+        march stops after each step in which a pair may come to its bound, until it is told to `pass_by`
     energy_bound : relative energy error that ends the march, or None
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
@@ -74,7 +75,8 @@ class Marcher(Blocks):
     underway : whether it begins in a state of a run that is over, which decided which particles are retired before
         encounters: here they are not, and may be in one
 
-    After `advance`, `met` is why it stopped, `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watcher`, or None.
+    After `advance`, `met` is why it stopped, `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watching.watcher`, or
+    None.
     """
 
     def __init__(
@@ -144,7 +146,7 @@ class Marcher(Blocks):
         self._state = self._loops.state
         if isinstance(self.clock, ChangingSteps):
             self._state["clock"] = self.clock.numbers_for(integrator)
-            self._loops.times[changing.since(self._loops.steps)] = self._start
+            self._loops.times[variable_steps.since(self._loops.steps)] = self._start
         if isinstance(self.clock, Adaptive) and n == 1 and (m or forces):
             self._state["clock"][LONGEST] = ALONE
         elif isinstance(self.clock, Adaptive) and GIVEN in lagrangian.traits:
@@ -209,7 +211,7 @@ class Marcher(Blocks):
     @property
     def time(self) -> float:
         """The time reached, since the start of the run."""
-        return float(self._state["clock"][changing.TIME]) if self.clock.changes else self._time_of(self.step)
+        return float(self._state["clock"][variable_steps.TIME]) if self.clock.changes else self._time_of(self.step)
 
     @property
     def reading(self) -> float:
@@ -223,14 +225,15 @@ class Marcher(Blocks):
         """Return whether there may be whole steps left before a place."""
         if self.clock.changes:
             now = self._state["clock"]
-            arrived = place.rest == now[changing.TIME] or (self._arrived and now[changing.LIMIT] == place.rest)
-            return not arrived and (place.rest - now[changing.NEXT]) * self.clock.direction >= 0.0
+            at_limit = self._arrived and now[variable_steps.LIMIT] == place.rest
+            arrived = place.rest == now[variable_steps.TIME] or at_limit
+            return not arrived and (place.rest - now[variable_steps.NEXT]) * self.clock.direction >= 0.0
         return self.step < place.steps
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place. Raises what `advance` raises."""
         if self.clock.changes:
-            self._state["clock"][changing.LIMIT] = place.rest
+            self._state["clock"][variable_steps.LIMIT] = place.rest
         self._stopped = self._arrived = False
         try:
             self._one_block(self.next_block(place))
@@ -290,7 +293,7 @@ class Marcher(Blocks):
             return self.state()
         copy, before = self._copied(), (self.evaluations, self.particle_evaluations)
         self._seen = copy
-        copy["clock"][[changing.LIMIT, changing.EXACT]] = place.rest, 1.0
+        copy["clock"][[variable_steps.LIMIT, variable_steps.EXACT]] = place.rest, 1.0
         self._retired.begin()
         try:
             while self._march_block(copy, self.clock, self.block, goes_on=True) == self.block:
@@ -307,7 +310,7 @@ class Marcher(Blocks):
         whole = not len(self._particles) and not self._forces  # no more than the states of the bodies is asked for
         if isinstance(self.clock, Adaptive) and whole and len(times) > 1 and times[0] != self.time:
             now = self._state["clock"]
-            beyond = (times[1:] - now[changing.NEXT]) * self.clock.direction >= 0.0
+            beyond = (times[1:] - now[variable_steps.NEXT]) * self.clock.direction >= 0.0
             count = 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))
             found = self._loops.march_to_each(self._state, self._loops.bound(self.clock, now), times[:count])
             if len(found):
@@ -333,7 +336,7 @@ class Marcher(Blocks):
         steps differ. No more states are passed on to be kept. Raises what `advance` raises.
         """
         self._keep, self._arrived = None, False
-        self._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, self.time
+        self._state["clock"][[variable_steps.EXACT, variable_steps.NEXT]] = 1.0, self.time
         self.advance_to(Place(0, time))
 
     def towards(self, time: float) -> tuple[Marcher, Place]:
@@ -350,7 +353,7 @@ class Marcher(Blocks):
         if self.clock.changes:
             for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"):
                 end._state[name][...] = self._state[name]
-            end._state["clock"][[changing.EXACT, changing.NEXT]] = 1.0, end.time
+            end._state["clock"][[variable_steps.EXACT, variable_steps.NEXT]] = 1.0, end.time
         return end, place
 
     def _like_this(self, q: Array, v: Array, clock: Clock | float, **options: Any) -> Marcher:
@@ -426,7 +429,7 @@ class Marcher(Blocks):
         return part
 
     def approaches(self) -> Array:
-        """Return the closest approaches so far, (4, 2, rows + padding); see `orbits.kernels.encounters`."""
+        """Return the closest approaches so far, (4, 2, rows + padding); see `orbits.kernels.search.record`."""
         self._retired.begin()
         q = self._state["particle_q"].copy()
         q[:, : len(self._particles)][:, self._retired.gone()] = np.nan
@@ -574,7 +577,7 @@ class Marcher(Blocks):
         return self._watcher.listed_within[: self._bodies]
 
     def passages(self) -> tuple[Array, int]:
-        """Return the passages listed so far, in the kernels' rows and columns (see `orbits.kernels.encounters`), and
+        """Return the passages listed so far, in the kernels' rows and columns (see `orbits.kernels.search.record`), and
         the number of those left out: `UNKNOWN` for a march that was restored from a checkpoint without a list.
         """
         return self._passages.passages, self._passages.left_out

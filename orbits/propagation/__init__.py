@@ -8,16 +8,16 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from orbits.propagation.replay import REPLAY
+from orbits.propagation.resuming.marching_again import REPLAY
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from orbits.propagation.dense import state_at
+    from orbits.propagation.results.dense_output import state_at
     from orbits.propagation.run import propagate, resume
 
 __all__ = ["Trajectory", "propagate", "resume", "state_at"]
 
-_LATER = {"propagate": "run", "resume": "run", "state_at": "dense"}
+_LATER = {"propagate": "run", "resume": "run", "state_at": "results.dense_output"}
 
 # Trajectories do not import the integrating code; those that are opened or made by hand get it here.
 Trajectory.marched_again_by = REPLAY

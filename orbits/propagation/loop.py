@@ -26,25 +26,25 @@ from orbits.errors import (
 )
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.marching.clocks import Place
-from orbits.marching.leaving import LeavingMarcher
-from orbits.marching.watcher import ENERGY
-from orbits.propagation import judgement, kepler_splitting
-from orbits.propagation.changing import ChangingMarch, March, of_this_leg
+from orbits.marching.clocks.constant import Place
+from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.watching.watcher import ENERGY
+from orbits.propagation.chain_of_legs import ChangingMarch, March, of_this_leg
+from orbits.propagation.checks import kepler_splitting, unresolved_passages
+from orbits.propagation.checks.precision import energy_lost
+from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
+from orbits.propagation.control.heartbeat import Beats, Heartbeat
+from orbits.propagation.control.progress import Progress
+from orbits.propagation.control.signals import StopRequest
+from orbits.propagation.control.stop_conditions import Condition, Conditions, Stop, WallTimeOver, asks_to_stop
+from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Found, Seeking
-from orbits.propagation.heartbeat import Beats, Heartbeat
-from orbits.propagation.passages_seen import Record
-from orbits.propagation.precision import energy_lost
-from orbits.propagation.progress import Progress
-from orbits.propagation.replay import REPLAY, lost_by_the_end, seen_by
-from orbits.propagation.rigid_runs import is_rigid, overlaps
-from orbits.propagation.sample_store import SampleStore
-from orbits.propagation.signals import StopRequest
-from orbits.propagation.stop_conditions import Condition, Conditions, Stop, WallTimeOver, asks_to_stop
-from orbits.propagation.wall_clock import Deadline
+from orbits.propagation.results.passages_seen import Record
+from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
+from orbits.propagation.resuming.sample_store import SampleStore
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
@@ -54,7 +54,7 @@ from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
-    from orbits.propagation.step_store import StepStore
+    from orbits.propagation.resuming.step_store import StepStore
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
@@ -318,8 +318,8 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
 def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Finding]:
     """Find what the caller should know of a run, after `known` particles were lost before it."""
     if len(trajectory.retired) > known:
-        yield from judgement.lost(trajectory)
-    yield from judgement.events_in_doubt(watch.events.remarks())
+        yield from unresolved_passages.lost(trajectory)
+    yield from unresolved_passages.events_in_doubt(watch.events.remarks())
     if not watch.check_step:
         return
     yield from energy_lost(trajectory)
@@ -329,7 +329,7 @@ def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Fi
         yield from overlaps(trajectory, seen_by(trajectory))
     if len(trajectory.record.listed):
         maps = trajectory.integrator.follows_kepler
-        look = kepler_splitting.not_followed if maps else judgement.not_resolved
+        look = kepler_splitting.not_followed if maps else unresolved_passages.not_resolved
         yield from look(trajectory, seen_by(trajectory))
 
 

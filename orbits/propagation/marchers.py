@@ -19,14 +19,14 @@ from orbits.errors import ArchiveError, InputError
 from orbits.integrators import named
 from orbits.integrators.base import Integrator
 from orbits.kernels.compile import cpu_features, cpu_name
-from orbits.kernels.stamp import source_stamp
+from orbits.kernels.compile.source_hash import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks import Clock, clock_of
-from orbits.marching.leaving import LeavingMarcher
+from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.marcher import Marcher, available_threads
+from orbits.marching.planet_excursions import LeavingMarcher
 from orbits.point_masses import PointMasses
-from orbits.propagation.sample_store import ACCOUNTS, Resumable
-from orbits.propagation.stop_conditions import Conditions
+from orbits.propagation.control.stop_conditions import Conditions
+from orbits.propagation.resuming.sample_store import ACCOUNTS, Resumable
 from orbits.system import System
 from orbits.system.model import Model, model, require_newtonian
 from orbits.trajectory.changes import CHANGES, COUNTS

@@ -15,21 +15,23 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.marching.adaptive import Adaptive
-from orbits.propagation.before_the_start import check_before_start, check_bodies, check_span
-from orbits.propagation.changing import ChangingMarch, march_of_run, of_this_leg
-from orbits.propagation.error_estimate import error_bars
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.propagation.chain_of_legs import ChangingMarch, march_of_run, of_this_leg
+from orbits.propagation.checks.before_the_start import check_before_start, check_bodies, check_span
+from orbits.propagation.checks.precision import check_length
+from orbits.propagation.checks.rigid_runs import check_rigid, default_method, is_rigid
+from orbits.propagation.control.heartbeat import Heartbeat, heartbeat_of
+from orbits.propagation.control.stop_conditions import Condition, Conditions, check_callback
+from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
-from orbits.propagation.heartbeat import Heartbeat, heartbeat_of
 from orbits.propagation.loop import Callback, Run, RunEnds, march
 from orbits.propagation.marchers import differences, provenance
-from orbits.propagation.precision import check_length
-from orbits.propagation.replay import REPLAY
-from orbits.propagation.rigid_runs import check_rigid, default_method, is_rigid
-from orbits.propagation.sample_store import checkpoint_of, no_accounts
-from orbits.propagation.step_store import StepStore, check_memory, continued, room_for_steps
-from orbits.propagation.stop_conditions import Condition, Conditions, check_callback
+from orbits.propagation.results.error_estimate import error_bars
+from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
+from orbits.propagation.resuming.marching_again import REPLAY
+from orbits.propagation.resuming.sample_store import checkpoint_of, no_accounts
+from orbits.propagation.resuming.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.systems import (
     archives_of,
     check_samples,
@@ -40,8 +42,6 @@ from orbits.propagation.systems import (
     systems_of,
     threads_of_each,
 )
-from orbits.propagation.taking_up import last_sample, taken_up
-from orbits.propagation.wall_clock import Deadline
 from orbits.system import System
 from orbits.system.model import most_inner
 from orbits.time_grid import TimeGrid

@@ -6,12 +6,12 @@ from collections.abc import Callable, Hashable, Mapping
 from concurrent.futures import wait
 
 from orbits.kernels.lanes import WIDTH
-from orbits.marching.clocks import Place
+from orbits.marching.clocks.constant import Place
 from orbits.marching.marcher import Marcher, available_threads
-from orbits.marching.pool import Pool
-from orbits.marching.systems_in_lanes import Lanes
+from orbits.marching.stepping.pool import Pool
+from orbits.marching.stepping.systems_in_lanes import Lanes
+from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.loop import Marching, Run
-from orbits.propagation.signals import StopRequest
 
 ENOUGH = 5
 """The fewest systems for which eight lanes take less time than one after another."""

@@ -19,11 +19,11 @@ from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, shown
 from orbits.finding import SHOWN, Finding, kind_of
 from orbits.marching.marcher import available_threads
-from orbits.propagation.heartbeat import Pulse
+from orbits.propagation.control.heartbeat import Pulse
+from orbits.propagation.control.progress import Progress
+from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.loop import Marching, Run, marching, to_its_end
-from orbits.propagation.progress import Progress
 from orbits.propagation.side_by_side import march_in_threads
-from orbits.propagation.signals import StopRequest
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory

@@ -18,7 +18,7 @@ from orbits.body_names import few
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning
 from orbits.integrators.base import Integrator
-from orbits.marching.adaptive import Adaptive
+from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.marcher import available_threads
 from orbits.point_masses import PointMasses
 from orbits.propagation.run import propagated

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.propagation.heartbeat import Heartbeat, Pulse
-from orbits.propagation.progress import Progress
+from orbits.propagation.control.heartbeat import Heartbeat, Pulse
+from orbits.propagation.control.progress import Progress
 
 Array = NDArray[np.float64]
 Arrays = Mapping[str, NDArray[Any]]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import SingularityError, shown
+from orbits.kernels.gravity.taylor_series import MET, REACHED, SERIES, SHARE, STEPS, TIME, UNDER_WAY, UNIT, march_series
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.taylor import MET, REACHED, SERIES, SHARE, STEPS, TIME, UNDER_WAY, UNIT, march_series
 from orbits.point_masses import PointMasses
 from orbits.time_grid import dynamical_time_of
 

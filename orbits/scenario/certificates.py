@@ -10,7 +10,7 @@ from typing import Any
 
 from orbits.certificate import Certificate, certify
 from orbits.errors import InputError
-from orbits.marching.adaptive import Adaptive
+from orbits.marching.clocks.adaptive import Adaptive
 from orbits.scenario.definition import Scenario
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located

@@ -23,8 +23,8 @@ from orbits.scenario.typed import number_or_text, quantity, step_or_clock, this_
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from orbits.propagation.heartbeat import Heartbeat
-    from orbits.propagation.wall_clock import Deadline
+    from orbits.propagation.control.heartbeat import Heartbeat
+    from orbits.propagation.control.wall_clock import Deadline
     from orbits.scenario.certificates import CertifyOutcome
 
 Dt = Annotated[
@@ -148,8 +148,8 @@ class Pacing:
 
 def paced(wall_time: str | None, heartbeat: str | None) -> Pacing:
     """Return the options `--wall-time` and `--heartbeat` as values. Raises InputError for what cannot be read."""
-    from orbits.propagation.heartbeat import Heartbeat
-    from orbits.propagation.wall_clock import Deadline, seconds_of
+    from orbits.propagation.control.heartbeat import Heartbeat
+    from orbits.propagation.control.wall_clock import Deadline, seconds_of
 
     deadline = None if wall_time is None else Deadline(number_or_text(wall_time), "--wall-time")
     if heartbeat is None:
@@ -194,7 +194,7 @@ def changed(
             )
         return scenario if dt is None else replace(scenario, dt=step_or_clock(dt, "--dt"))
     from orbits import integrators
-    from orbits.marching.clocks import Clock
+    from orbits.marching.clocks.constant import Clock
 
     new = scenario.with_changes(
         dt=None if dt is None else step_or_clock(dt, "--dt"),

@@ -15,7 +15,7 @@ from orbits.body_names import few
 from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, headed, text_table
 from orbits.plotting.words import fitting_time
-from orbits.propagation.wall_clock import wall_time_text
+from orbits.propagation.control.wall_clock import wall_time_text
 from orbits.units import date_text
 
 if TYPE_CHECKING:

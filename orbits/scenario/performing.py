@@ -23,8 +23,8 @@ from orbits.scenario.unfinished import alone_in
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from orbits.propagation.heartbeat import Heartbeat
-    from orbits.propagation.wall_clock import Deadline
+    from orbits.propagation.control.heartbeat import Heartbeat
+    from orbits.propagation.control.wall_clock import Deadline
     from orbits.system import System
     from orbits.time_grid import TimeGrid
     from orbits.trajectory import Trajectory
@@ -298,7 +298,7 @@ def _saved(figures: Mapping[str, Any], folder: Path) -> list[Path]:
 
 
 def _run_record(run: Trajectory) -> dict[str, Any]:
-    from orbits.marching.adaptive import Adaptive  # imports Numba, which the start of the command line avoids
+    from orbits.marching.clocks.adaptive import Adaptive  # imports Numba, which the start of the command line avoids
 
     drift = run.drift()
     cost = run.statistics

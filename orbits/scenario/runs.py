@@ -14,8 +14,8 @@ from orbits.scenario.unfinished import COMPLETE, UNFINISHED, looked_at
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
-    from orbits.propagation.heartbeat import Heartbeat
-    from orbits.propagation.wall_clock import Deadline
+    from orbits.propagation.control.heartbeat import Heartbeat
+    from orbits.propagation.control.wall_clock import Deadline
     from orbits.system import System
     from orbits.time_grid import TimeGrid
     from orbits.trajectory import Trajectory

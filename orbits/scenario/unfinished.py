@@ -150,7 +150,7 @@ def _given(options: Mapping[str, object], name: str) -> str:
 
 
 def _steps(grid: TimeGrid, method: Integrator, system: System) -> str:
-    from orbits.marching.changing import ChangingSteps
+    from orbits.marching.clocks.variable_steps import ChangingSteps
 
     if isinstance(grid.clock, ChangingSteps):
         return grid.clock.describe(method) + " backwards" * (grid.direction < 0.0)

@@ -75,7 +75,7 @@ def _flows(order: int, tides: bool, count: int) -> tuple[Array, Array, Array]:
 
 
 def orbit_table(e: float, alpha: float, tides: float, order: int, steps: int, intervals: int) -> Array:
-    """Return the flows of a revolution for `orbits.kernels.spins`, (intervals, flows, 5).
+    """Return the flows of a revolution for `orbits.kernels.rotation.planar_spins`, (intervals, flows, 5).
 
     steps : in a revolution, a multiple of `intervals`, after each of which the spins may be looked at
     """

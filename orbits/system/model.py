@@ -350,7 +350,7 @@ def continued(system: System, accounts: Array, names: Sequence[str] | None = Non
     """
     if not most_inner(system):
         return system
-    from orbits.kernels.acting import FIGURES
+    from orbits.kernels.gravity.terms_and_forces import FIGURES
 
     found: list[Any] = []
     for force, row in zip(system.forces, accounts, strict=True):

@@ -15,9 +15,9 @@ from orbits.body_names import few, index_of
 from orbits.errors import InputError, shown
 from orbits.forces.base import BoundForce, Force
 from orbits.integrators.forms import padded
-from orbits.kernels.acting import FIGURES
+from orbits.kernels.gravity.rigid_bodies import BLOCK, COUNT, FIRST, OF_EACH, PLACE, STATE_ROWS, TAG
+from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.rigid_bodies import BLOCK, COUNT, FIRST, OF_EACH, PLACE, STATE_ROWS, TAG
 from orbits.system.rigid_body import RIGID, RigidBody, Turning
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 STATE = STATE_ROWS * WIDTH
-"""The numbers of the state of a rigid body in a march, see `orbits.kernels.rigid_bodies`."""
+"""The numbers of the state of a rigid body in a march, see `orbits.kernels.gravity.rigid_bodies`."""
 
 SPIN = 4
 """The index of the first number of the spin in it."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from orbits.checks import single_number
 from orbits.errors import InputError, shown, with_unit
-from orbits.marching.adaptive import Adaptive
-from orbits.marching.changing import ChangingSteps
-from orbits.marching.clocks import Clock, ConstantSteps, Place, clock_of
-from orbits.marching.transformed import TimeTransformed
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Clock, ConstantSteps, Place, clock_of
+from orbits.marching.clocks.transformed import TimeTransformed
+from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.time_grid.reading import is_date, snapped, times_since
 from orbits.time_grid.step_length import step_length
 from orbits.units import quantity_from_text

@@ -10,7 +10,7 @@ import numpy as np
 
 from orbits.checks import single_number
 from orbits.errors import InputError, shown
-from orbits.marching.clocks import rounded_step
+from orbits.marching.clocks.constant import rounded_step
 from orbits.point_masses import PointMasses
 from orbits.units import quantity_from_text
 
@@ -89,10 +89,10 @@ def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
 
 
 def fastest_passage_of(system: System, span: float) -> tuple[int, int, float, float, float, float]:
-    """Return the result of `orbits.kernels.passages.fastest_passage` for a system: rows of both bodies, distance, speed
-    and eccentricity of their passage, and the shortest period.
+    """Return the result of `orbits.kernels.search.fastest_passage.fastest_passage` for a system: rows of both bodies,
+    distance, speed and eccentricity of their passage, and the shortest period.
     """
-    from orbits.kernels.passages import fastest_passage
+    from orbits.kernels.search.fastest_passage import fastest_passage
 
     values, names = system.values, {name for term in system.terms for name in term.gives_bodies}
     given = np.array([name in names for name in system.names], dtype=np.bool_)

@@ -15,12 +15,12 @@ from orbits.errors import InputError
 if TYPE_CHECKING:
     from astropy.coordinates import EarthLocation
 
-    from orbits.marching.clocks import Place
+    from orbits.marching.clocks.constant import Place
     from orbits.observing import Ephemeris
-    from orbits.propagation.approach import Approach
-    from orbits.propagation.approaches import Approaches
-    from orbits.propagation.error_bars import ErrorBars
-    from orbits.propagation.stop_conditions import Stop
+    from orbits.propagation.control.stop_conditions import Stop
+    from orbits.propagation.results.approach import Approach
+    from orbits.propagation.results.approaches import Approaches
+    from orbits.propagation.results.error_bars import ErrorBars
     from orbits.propagation.variations.megno import Megno
     from orbits.propagation.variations.state_transition import StateTransition
     from orbits.spk import SpkFile
@@ -175,8 +175,8 @@ class MarchedAgain:
 
         Two companions are marched from the start, at 2.4 times the cost of the run: one with steps of 0.7 times the
         length, and one whose rounding errors are others. Their differences from the run tell its error; see
-        `orbits.propagation.error_bars.ErrorBars`. It is that of the integration: what the model leaves out, and what
-        the start is wrong by, is not in it. The result is kept with this trajectory, not in archives.
+        `orbits.propagation.results.error_bars.ErrorBars`. It is that of the integration: what the model leaves out, and
+        what the start is wrong by, is not in it. The result is kept with this trajectory, not in archives.
         Raises InputError for a trajectory without samples, and for one that cannot be integrated again.
         """
         run: Trajectory = self  # type: ignore[assignment]

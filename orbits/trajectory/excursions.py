@@ -14,12 +14,22 @@ from numpy.typing import NDArray
 from orbits.checks import place_in
 from orbits.errors import ArchiveError
 from orbits.export import MOST_ROWS, headed, html_table, text_table
-from orbits.marching.leaving import BODY, COUNTS, EXCURSIONS, LEFT, NOBODY, NOT_YET, OTHER_BODY, RETURNED, ROOM
+from orbits.marching.planet_excursions import (
+    BODY,
+    COUNTS,
+    EXCURSIONS,
+    LEFT,
+    NOBODY,
+    NOT_YET,
+    OTHER_BODY,
+    RETURNED,
+    ROOM,
+)
 
 if TYPE_CHECKING:
     from astropy.table import QTable
 
-    from orbits.marching.clocks import Clock
+    from orbits.marching.clocks.constant import Clock
     from orbits.system import System
     from orbits.trajectory.trajectory import Trajectory
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from astropy.table import QTable
     from astropy.time import Time
 
-    from orbits.marching.clocks import Clock
+    from orbits.marching.clocks.constant import Clock
     from orbits.system import System
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.errors import InputError, shown
-from orbits.kernels.acting import FIGURES
+from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:

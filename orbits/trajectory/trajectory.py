@@ -17,9 +17,9 @@ from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers, place_in
 from orbits.errors import ArchiveError, InputError, shown, with_unit
 from orbits.export import Labelled, Tabular, html_pairs
-from orbits.marching.adaptive import Adaptive
-from orbits.marching.changing import ChangingSteps
-from orbits.marching.clocks import Clock, clock_of
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Clock, clock_of
+from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.system import OrbitalElements, System, osculating
 from orbits.system.model import continued, most_inner
 from orbits.system.new_bodies import primary_name
@@ -43,10 +43,10 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
-    from orbits.marching.kept_steps import KeptSteps
-    from orbits.propagation.error_bars import ErrorBars
-    from orbits.propagation.passages_seen import Record
-    from orbits.propagation.stop_conditions import Stop
+    from orbits.marching.stepping.kept_steps import KeptSteps
+    from orbits.propagation.control.stop_conditions import Stop
+    from orbits.propagation.results.error_bars import ErrorBars
+    from orbits.propagation.results.passages_seen import Record
     from orbits.trajectory.again import MarchesAgain
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
-    kept : the states at the beginnings of all steps (see `orbits.marching.kept_steps`), or None
+    kept : the states at the beginnings of all steps (see `orbits.marching.stepping.kept_steps`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 

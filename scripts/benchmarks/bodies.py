@@ -191,7 +191,7 @@ def part_kepler(repetitions: int) -> dict[str, Any]:
     adds its change of coordinates; nanoseconds a particle and step.
     """
     from orbits.kernels.compile import kernel
-    from orbits.kernels.kepler import kepler_flow, kepler_increments
+    from orbits.kernels.kepler.flow import kepler_flow, kepler_increments
 
     @kernel
     def lanes(state, gm, dt, steps):

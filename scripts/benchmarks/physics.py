@@ -13,12 +13,12 @@ from benchmarks.planets import CHUNK as MAP_CHUNK
 from benchmarks.planets import OURS as MAPS
 from benchmarks.planets import H
 from benchmarks.problems import ten_bodies_data
-from orbits.kernels.acting import add_terms
 from orbits.kernels.binding import accelerate, first_term
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.terms_and_forces import add_terms
 from orbits.kernels.lanes import WIDTH, full, load, store
-from orbits.marching.alignment import aligned
 from orbits.marching.marcher import Marcher
+from orbits.marching.stepping.alignment import aligned
 from orbits.system.model import model
 from orbits.system.solar.building import APART
 

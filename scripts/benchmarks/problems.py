@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.references import Exact, exact
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks import Clock
+from orbits.marching.clocks.constant import Clock
 from orbits.marching.marcher import Marcher
 from orbits.point_masses import PointMasses
 from orbits.regression import peers

@@ -16,8 +16,8 @@ import numpy as np
 
 import orbits
 from benchmarks.problems import marcher, ours
-from orbits.marching import driver
-from orbits.marching.clocks import ConstantSteps
+from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.stepping import driver
 
 FIRST_STEP = """
 import orbits

@@ -15,7 +15,7 @@ from orbits import rotations
 from orbits.diagnostics.free_top import free_top
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import load, store
-from orbits.kernels.rotation import rotate
+from orbits.kernels.rotation.free_rotation import rotate
 from orbits.lagrangians import euler_top
 
 Array = NDArray[np.float64]

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 import orbits
 from orbits.elements import state_from_elements
 from orbits.integrators.wisdom_holman import COORDINATES
-from orbits.marching.adaptive import Adaptive
-from orbits.marching.clocks import ConstantSteps
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import ConstantSteps
 from orbits.point_masses import PointMasses
 from orbits.propagation.marchers import march_of
 

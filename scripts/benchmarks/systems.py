@@ -13,7 +13,7 @@ from benchmarks.planets import OURS, WHFAST512_CHUNK, H
 from benchmarks.problems import marcher, ten_bodies_data
 from orbits.kernels.compile import kernel
 from orbits.kernels.systems.planets import step_in_lanes
-from orbits.marching.systems_in_lanes import Lanes
+from orbits.marching.stepping.systems_in_lanes import Lanes
 
 CHUNKS = 60
 """How many times steps are timed for each repetition: the least is taken, of many short times."""

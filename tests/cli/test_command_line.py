@@ -15,7 +15,7 @@ import orbits
 from orbits import integrators
 from orbits.cli import app
 from orbits.errors import Interrupted
-from orbits.propagation import sample_store
+from orbits.propagation.resuming import sample_store
 from orbits.regression import PEERS
 from orbits.scenario import bundled
 from orbits.scenario.command import guarded

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 import orbits
 from orbits.cli import app
-from orbits.propagation import wall_clock
+from orbits.propagation.control import wall_clock
 
 SCENARIO = """
 import orbits
@@ -103,7 +103,7 @@ def test_a_study_has_no_wall_time() -> None:
 
 def test_info_tells_of_a_file_that_is_being_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, seen = tmp_path / "run.h5", []
-    monkeypatch.setattr("orbits.propagation.sample_store.CHUNK_BYTES", 1)  # commit each sample
+    monkeypatch.setattr("orbits.propagation.resuming.sample_store.CHUNK_BYTES", 1)  # commit each sample
     system = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Jupiter"])
 
     def look(t: u.Quantity, state: orbits.System) -> None:

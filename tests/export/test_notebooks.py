@@ -11,10 +11,10 @@ import pytest
 
 import orbits
 from orbits.certificate.certificate import Certificate, Finding
-from orbits.kernels.encounters import COLUMNS, DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.marching.clocks import ConstantSteps
-from orbits.propagation.approaches import Approaches
-from orbits.propagation.passages_seen import Record, Seen
+from orbits.kernels.search.record import COLUMNS, DISTANCE2, PARTNER, SPEED2, TIME
+from orbits.marching.clocks.constant import ConstantSteps
+from orbits.propagation.results.approaches import Approaches
+from orbits.propagation.results.passages_seen import Record, Seen
 from orbits.regression.report import Report, Row
 
 NASTY = "<script>alert('&\"')</script>"

@@ -19,7 +19,7 @@ from typing import Any
 import orbits
 from orbits.archive import steps
 from orbits.archive.storage import Storage
-from orbits.propagation import sample_store, step_store
+from orbits.propagation.resuming import sample_store, step_store
 
 from . import small
 

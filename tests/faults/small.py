@@ -11,7 +11,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.propagation import sample_store
+from orbits.propagation.resuming import sample_store
 
 METHOD = orbits.StormerVerlet()
 SAMPLES = 13

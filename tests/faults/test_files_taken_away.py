@@ -12,7 +12,8 @@ import pytest
 
 import orbits
 from orbits.errors import StorageError
-from orbits.propagation import loop, sample_store
+from orbits.propagation import loop
+from orbits.propagation.resuming import sample_store
 
 from . import small
 

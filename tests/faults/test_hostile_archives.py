@@ -17,7 +17,7 @@ import pytest
 import orbits
 from orbits.archive import Archive
 from orbits.errors import ArchiveError, OrbitsError
-from orbits.kernels.encounters import LEAST2, MATE, ROW, STATE, STEP, WHEN
+from orbits.kernels.search.record import LEAST2, MATE, ROW, STATE, STEP, WHEN
 
 from . import hostile, small
 from .alarm import at_most

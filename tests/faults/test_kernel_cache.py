@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from orbits.errors import OrbitsWarning
-from orbits.kernels import trust
-from orbits.kernels.keeping import checksum
+from orbits.kernels.compile import trusted_files
+from orbits.kernels.compile.disk_cache import checksum
 from orbits.lagrangians.symbolic import modules
 
 KERNELS = """
@@ -245,7 +245,7 @@ def test_where_warnings_are_errors_a_file_that_cannot_be_used_ends_one_process_o
 def formulas(tmp_path, monkeypatch):
     """An empty folder of generated modules, and a function that loads one as a new process would."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    trust.warn.cache_clear()
+    trusted_files.warn.cache_clear()
 
     def load():
         sys.modules.pop("orbits_lagrangian_formula", None)
@@ -303,12 +303,12 @@ def test_where_warnings_are_errors_a_module_that_cannot_be_used_fails_once(formu
 def test_files_of_another_user_are_not_trusted_but_those_of_root_are(monkeypatch):
     mine = os.stat_result((0o100600, 0, 0, 1, 1000, 1000, 0, 0, 0, 0))
     monkeypatch.setattr(os, "getuid", lambda: 1000)
-    assert trust.distrusted(mine) is None
+    assert trusted_files.distrusted(mine) is None
     monkeypatch.setattr(os, "getuid", lambda: 1001)
-    assert trust.distrusted(mine) == "belongs to user 1000"
-    assert trust.distrusted(mine, owners=frozenset({1000})) is None
-    root = os.stat_result((0o100600, 0, 0, 1, trust.ROOT, 0, 0, 0, 0, 0))
-    assert trust.distrusted(root) is None
+    assert trusted_files.distrusted(mine) == "belongs to user 1000"
+    assert trusted_files.distrusted(mine, owners=frozenset({1000})) is None
+    root = os.stat_result((0o100600, 0, 0, 1, trusted_files.ROOT, 0, 0, 0, 0, 0))
+    assert trusted_files.distrusted(root) is None
 
 
 SCENARIO = """

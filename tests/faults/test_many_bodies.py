@@ -7,8 +7,8 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.marching.partial_steps import PartialSteps
-from orbits.propagation import passage_walks, refinement
+from orbits.marching.stepping.partial_steps import PartialSteps
+from orbits.propagation.results import passage_walks, refinement
 from tests.encounters import apophis_2029
 
 ASTRONOMICAL = 1e-15

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import orbits
-from orbits.propagation.signals import CAUGHT, StopRequest
+from orbits.propagation.control.signals import CAUGHT, StopRequest
 
 from . import small
 from .processes import ended, start

@@ -7,9 +7,9 @@ import pytest
 
 import orbits
 from orbits.errors import InputError
-from orbits.kernels.acting import add_forces, total_particle_force
 from orbits.kernels.binding import SumTag
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.terms_and_forces import add_forces, total_particle_force
 from orbits.kernels.lanes import full, lane, load
 
 UNIT = orbits.DIMENSIONLESS

@@ -5,9 +5,9 @@ import pytest
 
 import orbits
 from orbits.forces.drag import Drag
-from orbits.kernels.acting import add_forces, total_particle_force
 from orbits.kernels.binding import SumTag
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.terms_and_forces import add_forces, total_particle_force
 from orbits.kernels.lanes import lane, load
 
 GM = np.array([1.0, 0.3])

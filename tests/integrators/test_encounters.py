@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, PARTNER, SPEED2, TIME
-from orbits.kernels.stopping import ANY, CLOSER, FARTHER
+from orbits.kernels.search.record import DISTANCE2, DOMINANT, OTHER, PARTNER, SPEED2, TIME
+from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
-from orbits.marching.watcher import ENERGY, SUSPECT
+from orbits.marching.watching.watcher import ENERGY, SUSPECT
 
 from ..problems import belt
 

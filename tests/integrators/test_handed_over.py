@@ -8,10 +8,10 @@ from astropy import units as u
 
 import orbits
 from orbits.elements import ecliptic_to_icrf, state_from_elements
-from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
+from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.adaptive import Adaptive
-from orbits.marching.clocks import Place
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Place
 from orbits.marching.marcher import Marcher
 
 FOLLOW, WARN = orbits.WisdomHolman(encounters="follow"), orbits.WisdomHolman(encounters="warn")

@@ -5,7 +5,7 @@ import pytest
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.kernels.jacobi_particles import ELSEWHERE, NUMBER
+from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 
 from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched
 

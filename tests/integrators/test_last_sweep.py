@@ -12,8 +12,8 @@ from astropy import units as u
 import orbits
 from orbits import integrators
 from orbits.errors import InputError
-from orbits.kernels.fine_gravity import add_fine_pair_accelerations
-from orbits.marching.alignment import aligned
+from orbits.kernels.gravity.fine_pair_sums import add_fine_pair_accelerations
+from orbits.marching.stepping.alignment import aligned
 from orbits.resources import data_path
 
 AU_KM = 149597870.7

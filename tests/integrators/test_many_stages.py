@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.integrators.collocation import Collocation
+from orbits.integrators.collocation.form import Collocation
 from orbits.tableaux import gauss
 
 from ..contracts.problems import march

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.marching.alignment import aligned
+from orbits.marching.stepping.alignment import aligned
 
 
 @pytest.mark.parametrize("shapes", [[(16,)], [(0, 8), (1, 24, 8), (3, 16), (5,), (7, 0, 8), (33,)]])

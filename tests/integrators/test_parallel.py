@@ -14,8 +14,8 @@ from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.kernels.barrier import claim, meet
 from orbits.kernels.compile import kernel
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching import parallel
 from orbits.marching.marcher import Marcher
+from orbits.marching.stepping import parallel
 
 BODIES = 150
 

@@ -9,10 +9,10 @@ from astropy import units as u
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.integrators.kepler_map import outwards
+from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks import Place
-from orbits.marching.leaving import LeavingMarcher
+from orbits.marching.clocks.constant import Place
+from orbits.marching.planet_excursions import LeavingMarcher
 
 from ..maps import newtonian_energy, solar_system
 

@@ -7,9 +7,9 @@ import pytest
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.kernels.encounters import PARTNER
-from orbits.kernels.interaction import displace, interact, modify
-from orbits.kernels.jacobi import advance_planets, finish_velocities, step_lazy, step_modified, step_plain
+from orbits.kernels.maps.interaction import displace, interact, modify
+from orbits.kernels.maps.jacobi import advance_planets, finish_velocities, step_lazy, step_modified, step_plain
+from orbits.kernels.search.record import PARTNER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
 from orbits.resources import data_path

@@ -6,10 +6,10 @@ import pytest
 from orbits.errors import ConvergenceError, InputError
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.stormer_verlet import StormerVerlet
-from orbits.kernels.stopping import FARTHER
+from orbits.kernels.search.stopping import FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.following.retirement import retirements
 from orbits.marching.marcher import Marcher
-from orbits.marching.retirement import retirements
 
 
 def collapse(*, retire):

@@ -10,9 +10,9 @@ import orbits
 from orbits import diagnostics
 from orbits.errors import StepWarning
 from orbits.integrators import parse
-from orbits.kernels.interaction import interact
-from orbits.kernels.jacobi import advance_planets, finish_velocities
-from orbits.kernels.jacobi_stages import step_in_stages
+from orbits.kernels.maps.interaction import interact
+from orbits.kernels.maps.jacobi import advance_planets, finish_velocities
+from orbits.kernels.maps.jacobi_stages import step_in_stages
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
 

@@ -12,7 +12,7 @@ import pytest
 import orbits
 from orbits import diagnostics, discrete
 from orbits.errors import InputError, StepWarning
-from orbits.integrators.kepler_map import outwards
+from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import n_body, newtonian, parameters
 from orbits.marching.marcher import Marcher
 from orbits.tableaux.correctors import PAIRS, corrector, corrector_lengths

@@ -8,7 +8,7 @@ import pytest
 
 import orbits
 from orbits.errors import InputError, StepWarning
-from orbits.kernels.jacobi_particles import NUMBER
+from orbits.kernels.maps.jacobi_particles import NUMBER
 
 from ..maps import EVERYWHERE, KM, among_planets, marched, marcher, system
 from ..problems import three_bodies

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.kepler import kepler_increments
+from orbits.kernels.kepler.flow import kepler_increments
 from orbits.kernels.lanes import load, store
 
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import load, store
-from orbits.kernels.rotation import rotate
+from orbits.kernels.rotation.free_rotation import rotate
 
 
 @kernel

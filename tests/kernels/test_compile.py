@@ -11,7 +11,7 @@ import pytest
 
 import orbits
 from orbits.kernels.compile import kernel
-from orbits.kernels.stamp import source_stamp
+from orbits.kernels.compile.source_hash import source_stamp
 
 PROGRAM = """
 import numpy as np
@@ -39,7 +39,7 @@ def test_the_cache_is_hit_after_an_edit_of_prose_and_an_edit_of_code_in_another_
     again, warm = run(tmp_path)
     assert again == before
     assert (cold, warm) == (0, 1)
-    gravity = package / "kernels" / "gravity.py"
+    gravity = package / "kernels" / "gravity" / "pair_sums.py"
     for path in (gravity, package / "lagrangians" / "newtonian.py"):  # the file of the kernel itself as well
         path.write_text(path.read_text().replace('"""', '"""Prose on\n\nthree lines. ', 1).replace("Return", "Give"))
     assert run(tmp_path) == (before, 1), "prose leaves compiled code as it is, in another process too"

@@ -6,8 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from orbits.kernels import gravity
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity import pair_sums
 from orbits.lagrangians.newtonian import parameters
 
 ULP = 2.0**-53
@@ -54,21 +54,21 @@ def test_bodies_in_lanes_equal_forty_digit_accelerations(n, softening):
     gm, q, strength = problem(n, seed=n, softening=softening)
     truth, size, _ = exact(gm, q, softening)
     out = np.zeros(3 * n + 8)
-    gravity.body_accelerations(strength, vector(q), out)
+    pair_sums.body_accelerations(strength, vector(q), out)
     error = np.abs(out[: 3 * n].reshape(3, n).T - truth).max(axis=1)
     assert np.all(error <= FORCE_ULPS * ULP * size)
 
 
 @kernel
 def share(strength, q, out, start, stop):
-    gravity.share_of_accelerations(strength, q, out, start, stop)
+    pair_sums.share_of_accelerations(strength, q, out, start, stop)
 
 
 @pytest.mark.parametrize("n", [3, 8, 9, 30, 131, 300])
 def test_shares_of_the_bodies_give_the_bits_of_all_at_once_and_write_nothing_else(n):
     _, q, strength = problem(n, seed=n)
     whole = np.zeros(3 * n + 8)
-    gravity.body_accelerations(strength, vector(q), whole)
+    pair_sums.body_accelerations(strength, vector(q), whole)
     assert np.all(whole[3 * n :] == 0.0)
     for edges in ([0, n], [0, 8, n], [*range(0, n, 8), n], [0, 24, n]):
         out = np.full(3 * n + 8, np.nan)
@@ -89,7 +89,7 @@ def test_thousands_of_terms_add_up_as_well_as_a_few():
     q[0] = 0.0  # far from all others: its terms have one direction, and their partial sums are as large as they can be
     gm = 10.0 ** rng.uniform(-4, 0, n)
     out = np.zeros(3 * n + 8)
-    gravity.body_accelerations(parameters(gm), vector(q), out)
+    pair_sums.body_accelerations(parameters(gm), vector(q), out)
     for i in (0, 1, n // 2, n - 1):
         d = q.astype(np.longdouble) - q[i].astype(np.longdouble)
         r2 = (d * d).sum(axis=1)
@@ -105,7 +105,7 @@ def test_pairs_one_by_one_equal_forty_digit_accelerations(n):
     gm, q, strength = problem(n, seed=n)
     truth, size, _ = exact(gm, q)
     out = np.zeros(3 * n)
-    gravity.pair_accelerations(strength, vector(q)[: 3 * n], out)
+    pair_sums.pair_accelerations(strength, vector(q)[: 3 * n], out)
     error = np.abs(out.reshape(3, n).T - truth).max(axis=1)
     assert np.all(error <= FORCE_ULPS * ULP * size)
 
@@ -116,10 +116,10 @@ def test_eight_stages_in_lanes_equal_the_same_stages_one_by_one(n):
     strength = problems[0][2]
     rows = np.stack([vector(q)[: 3 * n] for _, q, _ in problems], axis=1).copy()
     out = np.zeros_like(rows)
-    gravity.pair_accelerations(strength, rows, out)
+    pair_sums.pair_accelerations(strength, rows, out)
     for stage, (_, q, _) in enumerate(problems):
         alone = np.zeros(3 * n)
-        gravity.pair_accelerations(strength, vector(q)[: 3 * n], alone)
+        pair_sums.pair_accelerations(strength, vector(q)[: 3 * n], alone)
         _, size, _ = exact(problems[0][0], q)
         assert np.all(np.abs(out[:, stage] - alone) <= FORCE_ULPS * ULP * np.tile(size, 3))
 
@@ -127,7 +127,7 @@ def test_eight_stages_in_lanes_equal_the_same_stages_one_by_one(n):
 def test_internal_forces_add_up_to_nothing():
     gm, q, strength = problem(12, seed=5)
     out = np.zeros(3 * 12 + 8)
-    gravity.body_accelerations(strength, vector(q), out)
+    pair_sums.body_accelerations(strength, vector(q), out)
     a = out[:36].reshape(3, 12).T
     total = np.abs((gm[:, None] * a).sum(axis=0)).max()
     assert total <= 8 * ULP * np.abs(gm[:, None] * a).sum()
@@ -149,16 +149,16 @@ def test_the_field_at_a_particle_equals_forty_digits():
             for k in range(3)
         ]
     size = sum(g / np.sum((b - at) ** 2) for g, b in zip(gm, q, strict=True))
-    got = gravity.attraction(strength, vector(q)[:27], *at)
+    got = pair_sums.attraction(strength, vector(q)[:27], *at)
     assert np.abs(np.array(got) - truth).max() <= FORCE_ULPS * ULP * size
 
 
 def test_the_potential_equals_forty_digits_and_its_gradient_is_the_force():
     gm, q, strength = problem(6, seed=7, softening=0.02)
     _, _, potential = exact(gm, q, 0.02)
-    assert abs(gravity.pair_potential(strength, vector(q)) - potential) <= 8 * ULP * abs(potential)
+    assert abs(pair_sums.pair_potential(strength, vector(q)) - potential) <= 8 * ULP * abs(potential)
     a = np.zeros(18 + 8)
-    gravity.body_accelerations(strength, vector(q), a)
+    pair_sums.body_accelerations(strength, vector(q), a)
     step = 1e-4
     for i in range(6):
         for k in range(3):
@@ -166,7 +166,7 @@ def test_the_potential_equals_forty_digits_and_its_gradient_is_the_force():
             for m in (-2, -1, 1, 2):
                 moved = q.copy()
                 moved[i, k] += m * step
-                values.append(gravity.pair_potential(strength, vector(moved)))
+                values.append(pair_sums.pair_potential(strength, vector(moved)))
             slope = (values[0] - 8 * values[1] + 8 * values[2] - values[3]) / (12 * step)
             # Fourth-order differences: truncation and round-off meet near 1e-10 of the size of the potential's terms.
             assert abs(slope + gm[i] * a[k * 6 + i]) < 1e-8 * max(1.0, abs(slope))
@@ -176,5 +176,5 @@ def test_two_bodies_at_one_place_are_not_passed_over():
     strength = parameters(np.array([1.0, 1.0, 1.0]))
     q = np.array([[1.0, 2.0, 3.0], [1.0, 2.0, 3.0], [0.0, 0.0, 0.0]])
     out = np.zeros(9 + 8)
-    gravity.body_accelerations(strength, vector(q), out)
+    pair_sums.body_accelerations(strength, vector(q), out)
     assert not np.isfinite(out[:9]).all()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.kernels import iteration
+from orbits.kernels.sums import iteration
 
 
 def rows(*values):

@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.kepler import kepler_flow, kepler_increments
+from orbits.kernels.kepler.flow import kepler_flow, kepler_increments
 from orbits.kernels.lanes import load, store
-from orbits.kernels.summation import accumulate
+from orbits.kernels.sums.summation import accumulate
 
 from ..kepler_truth import distance, flow, judged
 from .kepler_starts import all_sorts, ellipses, energies, increments, needs_extended, start

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from orbits.kernels.kepler_tangent import flow_matrix
+from orbits.kernels.tangents.of_kepler_flow import flow_matrix
 
 CASES = {
     "short": (0.9, 0.05),

@@ -10,7 +10,7 @@ import pytest
 
 from orbits.kernels import lanes as L  # noqa: N812 - L.fma reads as the lanes' fma
 from orbits.kernels.compile import cpu_features, kernel
-from orbits.kernels.summation import (
+from orbits.kernels.sums.summation import (
     accumulate,
     add_compensated,
     add_product,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.linear import factorize, solve, solve_rows
+from orbits.kernels.sums.linear_equations import factorize, solve, solve_rows
 
 EPS = 2.0**-53
 

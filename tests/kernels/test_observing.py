@@ -16,8 +16,8 @@ from numba import types
 from orbits.kernels.barrier import ABANDONED, COUNTERS, meet
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.observing import OBSERVER, call_observer, observe, observer_address
-from orbits.kernels.watch import Contexts, watch_at
+from orbits.kernels.search.context import Contexts, watch_at
+from orbits.kernels.search.observers import OBSERVER, call_observer, observe, observer_address
 
 ARRAYS = {
     "path": (5,),
@@ -182,8 +182,8 @@ def test_an_address_is_that_of_one_signature():
 
 MODULE = """
 from orbits.kernels.compile import kernel
-from orbits.kernels.observing import call_observer
-from orbits.kernels.watch import watch_at
+from orbits.kernels.search.observers import call_observer
+from orbits.kernels.search.context import watch_at
 
 @kernel
 def look(context, track, h, steps, start, stop):
@@ -197,8 +197,8 @@ def march(observer, context, track, h, blocks):
 
 PROGRAM = """
 import numpy as np
-from orbits.kernels.observing import observer_address
-from orbits.kernels.watch import Contexts
+from orbits.kernels.search.observers import observer_address
+from orbits.kernels.search.context import Contexts
 from observed import look, march
 
 contexts, record = Contexts(1), np.zeros((4, 2, 9))

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from orbits.kernels.compile import kernel
+from orbits.kernels.kepler.short_flow import short_increments
 from orbits.kernels.lanes import load, store
-from orbits.kernels.short_kepler import short_increments
-from orbits.kernels.summation import accumulate
+from orbits.kernels.sums.summation import accumulate
 
 from ..kepler_truth import distance, flow
 from .kepler_starts import all_sorts, ellipses, energies, needs_extended, start

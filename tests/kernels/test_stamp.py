@@ -7,8 +7,18 @@ from pathlib import Path
 
 import pytest
 
-from orbits.kernels import stamp, trust
-from orbits.kernels.stamp import GENERATING, KERNEL_FOLDERS, MARKS, PACKAGE, Code, File, shape, source_stamp, stamp_of
+from orbits.kernels.compile import source_hash, trusted_files
+from orbits.kernels.compile.source_hash import (
+    GENERATING,
+    KERNEL_FOLDERS,
+    MARKS,
+    PACKAGE,
+    Code,
+    File,
+    shape,
+    source_stamp,
+    stamp_of,
+)
 
 FILES = {
     "kernels/__init__.py": "",
@@ -35,7 +45,10 @@ class Path(NamedTuple):
     first: float
     second: float
 ''',
-    "kernels/choices.py": "from orbits.kernels.verbs import verb\n@verb\ndef twice(x): return lambda x: 2.0 * x\n",
+    "kernels/choices.py": """from orbits.kernels.compile.verbs import verb
+@verb
+def twice(x): return lambda x: 2.0 * x
+""",
     "kernels/sizes.py": "WIDTH = 8\ndef unused(): return 1\n",
     "integrators/__init__.py": "",
     "integrators/base.py": """from orbits.tables import table
@@ -108,10 +121,10 @@ def test_what_compiled_code_freezes_changes_the_stamp(package, case):
 @pytest.mark.parametrize(
     ("name", "old", "new"),
     [
-        ("kernels/gravity.py", "rsqrt_cubed(r2)", "rsqrt_cubed(r2) * 1.01"),
+        ("kernels/gravity/pair_sums.py", "rsqrt_cubed(r2)", "rsqrt_cubed(r2) * 1.01"),
         ("kernels/steps.py", "OK, NOT_CONVERGED", "NOT_CONVERGED, OK"),
-        ("integrators/collocation_rows.py", "HC, HC_LO", "HC_LO, HC"),
-        ("kernels/compile.py", '{"contract"}', '{"fast"}'),
+        ("integrators/collocation/rows.py", "HC, HC_LO", "HC_LO, HC"),
+        ("kernels/compile/decorator.py", '{"contract"}', '{"fast"}'),
         ("lagrangians/newtonian.py", '"accelerate": body_accelerations', '"accelerate": share_of_accelerations'),
         ("lagrangians/symbolic/printing.py", "sqrt", "cbrt"),
     ],
@@ -132,12 +145,13 @@ def test_kernels_stand_only_where_the_stamp_looks_for_them():
             assert origins.isdisjoint(MARKS | GENERATING) or name == "__init__.py", name  # which hands `kernel` on
             assert b"njit" not in path.read_bytes(), name
     covered = stamp_of(PACKAGE).covers
-    assert {"kernels/gravity.py", "integrators/splitting.py", "lagrangians/newtonian.py"} <= covered
-    assert not {"integrators/base.py", "lagrangians/pendulum.py", "kernels/trust.py"} & covered
+    kernels = {"kernels/gravity/pair_sums.py", "integrators/kicks_and_drifts/splitting.py", "lagrangians/newtonian.py"}
+    assert kernels <= covered
+    assert not {"integrators/base.py", "lagrangians/pendulum.py", "kernels/compile/trusted_files.py"} & covered
 
 
 def kept_at(package: Path) -> Path:
-    (place,) = trust.user_folder("sources").glob("*.json")
+    (place,) = trusted_files.user_folder("sources").glob("*.json")
     return place
 
 
@@ -146,7 +160,7 @@ def again(package, tmp_path, monkeypatch):
     """Return a function that computes the stamp as a new process would, and returns whether it had to parse."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     trees = []
-    monkeypatch.setattr(stamp, "Code", lambda folder: trees.append(folder) or Code(folder))
+    monkeypatch.setattr(source_hash, "Code", lambda folder: trees.append(folder) or Code(folder))
 
     def ask():
         stamp_of.cache_clear()

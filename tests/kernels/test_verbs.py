@@ -7,8 +7,8 @@ from numba import types
 
 from orbits.kernels import binding, steps
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import functions
-from orbits.kernels.verbs import verb
 
 
 @verb

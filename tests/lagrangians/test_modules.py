@@ -11,7 +11,7 @@ import pytest
 import sympy
 
 import orbits
-from orbits.kernels import trust
+from orbits.kernels.compile import trusted_files
 from orbits.lagrangians.symbolic import modules
 
 q, v, k = sympy.symbols("q v k")
@@ -50,7 +50,7 @@ DAMAGED, GOOD = b"# damaged\nA = 3\n", modules._signed("A = 2\n")
 def test_a_damaged_module_keeps_its_place_until_another_is_put_there(tmp_path, monkeypatch):
     """Removing it first could remove a good one that another process has just written."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    path = trust.user_folder("lagrangians") / "orbits_lagrangian_place.py"
+    path = trusted_files.user_folder("lagrangians") / "orbits_lagrangian_place.py"
     path.write_bytes(DAMAGED)
     there = []
     with pytest.warns(orbits.OrbitsWarning, match=r"place\.py is damaged"):
@@ -61,9 +61,9 @@ def test_a_damaged_module_keeps_its_place_until_another_is_put_there(tmp_path, m
 @pytest.mark.parametrize("other", [Path.unlink, lambda path: path.write_bytes(GOOD)], ids=["removes it", "mends it"])
 def test_a_damaged_module_that_another_process_deals_with_meanwhile_is_made_all_the_same(tmp_path, monkeypatch, other):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    path, read = trust.user_folder("lagrangians") / "orbits_lagrangian_meanwhile.py", trust.read
+    path, read = trusted_files.user_folder("lagrangians") / "orbits_lagrangian_meanwhile.py", trusted_files.read
     path.write_bytes(DAMAGED)
-    monkeypatch.setattr(trust, "read", lambda path: (read(path), other(path))[0])
+    monkeypatch.setattr(trusted_files, "read", lambda path: (read(path), other(path))[0])
     with pytest.warns(orbits.OrbitsWarning, match="damaged"):
         assert modules.module("meanwhile", lambda: "A = 2\n").A == 2
     del sys.modules["orbits_lagrangian_meanwhile"]
@@ -72,8 +72,8 @@ def test_a_damaged_module_that_another_process_deals_with_meanwhile_is_made_all_
 
 def test_the_first_file_stays(tmp_path):
     path = tmp_path / "m.py"
-    trust.write(path, b"A = 1", replace=False)
-    trust.write(path, b"A = 2", replace=False)
+    trusted_files.write(path, b"A = 1", replace=False)
+    trusted_files.write(path, b"A = 2", replace=False)
     assert path.read_bytes() == b"A = 1"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -83,7 +83,7 @@ def test_without_hard_links_a_file_is_whole_too(tmp_path, monkeypatch):
         raise OSError("no hard links here")
 
     monkeypatch.setattr(os, "link", refuse)
-    trust.write(tmp_path / "m.py", b"A = 1", replace=False)
+    trusted_files.write(tmp_path / "m.py", b"A = 1", replace=False)
     assert [path.read_text() for path in tmp_path.iterdir()] == ["A = 1"]
 
 
@@ -107,14 +107,14 @@ def test_threads_never_see_half_a_module(tmp_path, monkeypatch):
 def test_a_cache_that_cannot_be_written_is_replaced_by_a_private_folder(tmp_path, monkeypatch):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert trust.user_folder("lagrangians") == tmp_path / "orbits" / "lagrangians"
+    assert trusted_files.user_folder("lagrangians") == tmp_path / "orbits" / "lagrangians"
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "tmp"))
-    monkeypatch.setattr(trust, "temporary_folder", trust.temporary_folder.__wrapped__)
+    monkeypatch.setattr(trusted_files, "temporary_folder", trusted_files.temporary_folder.__wrapped__)
     (tmp_path / "tmp").mkdir()
-    assert trust.user_folder("lagrangians").parent == tmp_path / "tmp"
-    assert trust.user_folder("lagrangians").stat().st_mode & 0o777 == 0o700
+    assert trusted_files.user_folder("lagrangians").parent == tmp_path / "tmp"
+    assert trusted_files.user_folder("lagrangians").stat().st_mode & 0o777 == 0o700
 
 
 @pytest.mark.parametrize("text", ["a\\N", "{d}", "a/b", "Hénon ∂"])

@@ -10,8 +10,8 @@ import pytest
 
 import orbits
 from orbits.kernels import binding
-from orbits.kernels.acting import particle_momenta
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.terms_and_forces import particle_momenta
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.lagrangians.base import ABOUT_ONE_BODY, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE
 from orbits.lagrangians.newtonian import n_body

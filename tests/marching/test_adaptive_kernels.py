@@ -8,14 +8,14 @@ import pytest
 from numpy.polynomial import legendre
 
 import orbits
-from orbits.integrators.canonical_bodies import CanonicalBodies
-from orbits.integrators.canonical_room import CONTINUATION, HOURS
-from orbits.integrators.collocation import Collocation
-from orbits.integrators.collocation_lengths import prepare, signal
-from orbits.integrators.collocation_rows import ETA, HB, HC, HC_LO, REST
+from orbits.integrators.canonical.bodies import CanonicalBodies
+from orbits.integrators.canonical.room import CONTINUATION, HOURS
+from orbits.integrators.collocation.form import Collocation
+from orbits.integrators.collocation.lengths import prepare, signal
+from orbits.integrators.collocation.rows import ETA, HB, HC, HC_LO, REST
 from orbits.kernels import steps
 from orbits.kernels.compile import kernel
-from orbits.kernels.gravity import close_pair_accelerations, dynamical_rate, pair_accelerations
+from orbits.kernels.gravity.pair_sums import close_pair_accelerations, dynamical_rate, pair_accelerations
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import Method, Model, State, Storage
 from orbits.lagrangians.newtonian import newtonian, parameters

@@ -5,7 +5,7 @@ import pytest
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.kernels.encounters import DISTANCE2, DOMINANT
+from orbits.kernels.search.record import DISTANCE2, DOMINANT
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
 

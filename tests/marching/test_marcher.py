@@ -3,7 +3,7 @@
 import numpy as np
 
 import orbits
-from orbits.marching.clocks import Place
+from orbits.marching.clocks.constant import Place
 from orbits.propagation.marchers import bound
 
 from ..problems import three_bodies

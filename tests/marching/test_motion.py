@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.integrators.splitting import Splitting
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.integrators.stormer_verlet import kick_drift_kick
-from orbits.marching.adaptive import Adaptive
-from orbits.marching.clocks import Place
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Place
 from orbits.propagation.marchers import march_of
 from orbits.system.model import model
 

@@ -9,13 +9,13 @@ from numpy.polynomial import legendre
 import orbits
 from orbits.kernels.compile import kernel
 from orbits.kernels.dense import double_integrals, single_integrals
-from orbits.kernels.gravity import attraction, close_attraction, gross_field
+from orbits.kernels.gravity.pair_sums import attraction, close_attraction, gross_field
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.kernels.steps import Method, Model
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.bodies_between import PLACES, Field, chart, place_bodies
-from orbits.marching.clocks import Place
-from orbits.marching.own_clocks import proposed
+from orbits.marching.clocks.constant import Place
+from orbits.marching.following.bodies_between import PLACES, Field, chart, place_bodies
+from orbits.marching.following.own_clocks import proposed
 from orbits.propagation.marchers import bound
 from orbits.tableaux import gauss
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from orbits.kernels.encounters import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, STEP, WHEN
-from orbits.marching import passage_list
-from orbits.marching.clocks import ConstantSteps
-from orbits.marching.passage_list import BlockList, PassageList
+from orbits.kernels.search.record import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, STEP, WHEN
+from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.watching import passage_list
+from orbits.marching.watching.passage_list import BlockList, PassageList
 
 GM = np.array([1.0, 1e-3, *np.zeros(8)])
 ANGLE = 0.4

@@ -8,7 +8,7 @@ import pytest
 import orbits
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
-from orbits.marching.systems_in_lanes import Lanes
+from orbits.marching.stepping.systems_in_lanes import Lanes
 from orbits.propagation.side_by_side import groups_of
 
 K = 0.01720209895

@@ -11,9 +11,9 @@ import orbits
 from orbits.archive import Archive, ArchiveWriter
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
-from orbits.marching import passage_list
-from orbits.marching.clocks import Place
+from orbits.marching.clocks.constant import Place
 from orbits.marching.marcher import Marcher
+from orbits.marching.watching import passage_list
 from orbits.propagation.marchers import bound
 from orbits.time_grid import TimeGrid
 

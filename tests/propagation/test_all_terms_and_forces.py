@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 import orbits
 from orbits.cli import app
 from orbits.errors import ArchiveError, InputError
-from orbits.integrators.collocation_rows import HB
-from orbits.propagation.sample_store import accounts_in
+from orbits.integrators.collocation.rows import HB
+from orbits.propagation.resuming.sample_store import accounts_in
 from orbits.system.model import lagrangian_of
 from tests import kepler_truth
 from tests.acting import Heavy, Swaying, Turning

@@ -7,11 +7,11 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.marching.clocks import Place
-from orbits.marching.own_clocks import SHORTEST
-from orbits.propagation import refinement
+from orbits.marching.clocks.constant import Place
+from orbits.marching.following.own_clocks import SHORTEST
 from orbits.propagation.marchers import bound
-from orbits.propagation.passages_seen import Seen
+from orbits.propagation.results import refinement
+from orbits.propagation.results.passages_seen import Seen
 from tests.ensemble.belts import system as belt
 
 MAP = orbits.WisdomHolman(encounters="retire")

@@ -14,7 +14,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupted
-from orbits.propagation import sample_store
+from orbits.propagation.resuming import sample_store
 
 METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.RungeKutta4()]
 IDS = [m.label for m in METHODS]

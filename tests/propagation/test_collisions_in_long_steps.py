@@ -9,7 +9,7 @@ import pytest
 
 import orbits
 from orbits import Collision, Merge
-from orbits.kernels.collisions import NEVER, fraction_of_contact
+from orbits.kernels.search.collisions import NEVER, fraction_of_contact
 from tests.propagation.meeting import contact, near_a_planet, passing, planetesimals
 
 HOW: Any = pytest.mark.parametrize("dt", [None, 0.3], ids=["adaptive", "constant"])

@@ -11,7 +11,7 @@ from astropy import units as u
 import orbits
 from orbits.archive import steps as archived_steps
 from orbits.errors import ArchiveError, InputError, StorageError
-from orbits.propagation import step_store
+from orbits.propagation.resuming import step_store
 
 from ..problems import three_bodies
 

@@ -158,7 +158,7 @@ class Halted(Exception):
 def test_a_run_killed_anywhere_goes_on_to_the_same_bits_and_the_same_table(
     dt: float | None, at: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import orbits.propagation.sample_store as stores
+    import orbits.propagation.resuming.sample_store as stores
 
     samples = [0.5, 1.0, 2.4, 2.525, 2.5294, 2.5296, 2.53, 2.535, 2.6, 3.0, 5.0, 60.0]
     events = [MERGE, Pericentre("p", "a"), CloserThan(1.0, "a", "b"), CloseApproach(), PlaneCrossing("p", [1.0, 0, 0])]
@@ -191,7 +191,7 @@ def test_a_collision_that_is_listed_before_the_events_of_its_step_hides_none_of_
     dt: float | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Before a sample the step that leads beyond it is searched for collisions, but not yet for other events."""
-    import orbits.propagation.sample_store as stores
+    import orbits.propagation.resuming.sample_store as stores
 
     fall = float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
     events = [Collision(), *(PlaneCrossing("p", [0, 1, 0], offset=y, direction=-1) for y in heights(dt, fall))]
@@ -216,7 +216,7 @@ def test_a_collision_that_is_listed_before_the_events_of_its_step_hides_none_of_
 
 def test_no_event_is_lost_in_steps_that_are_searched_ahead_of_a_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     """As after a step that the clock tried and did not take: here all up to the merger are searched in this way."""
-    from orbits.propagation.changing import ChangingMarch
+    from orbits.propagation.chain_of_legs import ChangingMarch
 
     options: dict[str, Any] = {"duration": 3.0, "samples": [3.0]}
     events = [MERGE, CloserThan(1.5, "a", "b"), CloserThan(0.3, "a", "b"), CloseApproach("p")]

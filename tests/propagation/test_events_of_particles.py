@@ -144,7 +144,7 @@ def test_an_interrupted_and_resumed_run_has_the_same_table(tmp_path, dt):
         if t.value > 14.0:
             raise Halted
 
-    import orbits.propagation.sample_store as stores
+    import orbits.propagation.resuming.sample_store as stores
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stores, "FIRST_COMMIT_SECONDS", 0.0)  # a commit after each block

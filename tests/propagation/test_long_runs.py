@@ -14,8 +14,8 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import InputError
-from orbits.propagation import heartbeat, wall_clock
-from orbits.propagation.wall_clock import seconds_of, wall_time_text
+from orbits.propagation.control import heartbeat, wall_clock
+from orbits.propagation.control.wall_clock import seconds_of, wall_time_text
 
 GIANTS = ("Sun", "Jupiter", "Saturn", "Uranus", "Neptune")
 
@@ -184,7 +184,7 @@ def test_a_file_tells_who_writes_it_and_its_pace_without_being_locked(giants: or
 
 def test_a_file_without_a_pace_as_earlier_versions_wrote_is_resumed_where_it_is(giants, tmp_path, monkeypatch) -> None:
     from orbits.propagation import run as module
-    from orbits.propagation import sample_store
+    from orbits.propagation.resuming import sample_store
 
     path, options = tmp_path / "run.h5", {"dt": "64 d", "duration": "9000 yr", "samples": 9}
     straight = orbits.propagate(giants, "stormer-verlet", **options)

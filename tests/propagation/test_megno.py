@@ -11,9 +11,9 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import InputError, RetiredWarning, StepWarning
-from orbits.marching.clocks import Place
-from orbits.marching.map_tangents import MapTangents
-from orbits.marching.particle_tangents import ParticleTangents
+from orbits.marching.clocks.constant import Place
+from orbits.marching.tangents.in_maps import MapTangents
+from orbits.marching.tangents.of_particles import ParticleTangents
 from orbits.propagation.events.particles import with_light
 from orbits.resources import data_path
 from orbits.system.model import model

@@ -12,7 +12,7 @@ import orbits
 from orbits import kepler_flow
 from orbits.errors import IntegrationError
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks import Place
+from orbits.marching.clocks.constant import Place
 from orbits.marching.marcher import Marcher
 from orbits.propagation.marchers import bound
 from orbits.regression import peers

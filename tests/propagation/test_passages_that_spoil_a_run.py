@@ -8,8 +8,8 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
-from orbits.marching import passage_list
-from orbits.marching.passage_list import UNKNOWN
+from orbits.marching.watching import passage_list
+from orbits.marching.watching.passage_list import UNKNOWN
 from orbits.propagation.marchers import bound
 from tests.encounters import APOPHIS_MISS, apophis_2029, comet
 

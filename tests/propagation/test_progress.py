@@ -7,8 +7,8 @@ import types
 import pytest
 
 import orbits
-from orbits.propagation import progress as module
-from orbits.propagation.progress import Progress
+from orbits.propagation.control import progress as module
+from orbits.propagation.control.progress import Progress
 
 
 class Terminal(io.StringIO):

@@ -9,7 +9,7 @@ from astropy import units as u
 import orbits
 from orbits.elements import two_body
 from orbits.errors import ConvergenceError, InputError, SingularityError
-from orbits.marching.clocks import ConstantSteps
+from orbits.marching.clocks.constant import ConstantSteps
 from orbits.time_grid import rounded_step
 
 from ..problems import belt
@@ -262,7 +262,7 @@ def test_what_cannot_be_run_is_refused_in_words(wrong, message):
 
 
 def test_more_samples_than_memory_holds_are_refused_before_they_are_computed(monkeypatch):
-    from orbits.propagation import sample_store
+    from orbits.propagation.resuming import sample_store
 
     monkeypatch.setattr(sample_store, "memory", lambda: 1e6)
     with pytest.raises(InputError, match=r"GiB of memory.*archive="):

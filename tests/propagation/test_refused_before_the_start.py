@@ -10,7 +10,7 @@ import pytest
 import orbits
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, RetiredWarning, StepWarning
-from orbits.propagation.kepler_splitting import unfit
+from orbits.propagation.checks.kepler_splitting import unfit
 
 MAP = orbits.WisdomHolman()
 OPTIONS = {"samples": 2, "progress": False}

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 import orbits
-from orbits.propagation.signals import CAUGHT, StopRequest
+from orbits.propagation.control.signals import CAUGHT, StopRequest
 
 
 def test_handlers_of_other_programs_are_left_alone_and_those_of_python_are_put_back(monkeypatch):

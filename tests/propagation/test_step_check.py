@@ -8,7 +8,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.propagation.step_check import passage_error, too_long
+from orbits.propagation.checks.step_check import passage_error, too_long
 
 from ..problems import belt
 

@@ -12,7 +12,7 @@ from astropy import units as u
 import orbits
 from orbits.errors import InputError
 from orbits.kernels.steps import TOO_SHORT
-from orbits.marching.failures import failure_of_bodies
+from orbits.marching.stepping.failures import failure_of_bodies
 
 from .. import extrapolated
 from ..acting import Swaying

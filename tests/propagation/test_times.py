@@ -196,21 +196,21 @@ def test_states_are_asked_for_by_dates_too():
 
 
 def test_many_states_at_once_bind_the_method_once_for_each_sample(monkeypatch):
-    from orbits.propagation import dense
+    from orbits.propagation.results import dense_output
 
     run = orbits.propagate(system(), VERLET, dt=7, duration=400, samples=3)
     calls = []
-    bound = dense.bound
-    monkeypatch.setattr(dense, "bound", lambda *a, **k: calls.append(a) or bound(*a, **k))
+    bound = dense_output.bound
+    monkeypatch.setattr(dense_output, "bound", lambda *a, **k: calls.append(a) or bound(*a, **k))
     run.at(np.linspace(0, 400, 1000))
     assert len(calls) == 2  # and at the last sample it is the sample
 
 
 def test_more_states_than_memory_holds_are_refused_before_they_are_computed(monkeypatch):
-    from orbits.propagation import dense
+    from orbits.propagation.results import dense_output
 
     run = orbits.propagate(system(), VERLET, dt=7, duration=400, samples=3)
-    monkeypatch.setattr(dense, "memory", lambda: 1e5)
+    monkeypatch.setattr(dense_output, "memory", lambda: 1e5)
     with pytest.raises(InputError, match=r"1000 states of 3 bodies need 0.0 GiB of memory, more than this machine"):
         run.at(np.linspace(0, 400, 1000))
     assert len(run.at(np.linspace(0, 400, 10))) == 10

@@ -14,7 +14,7 @@ from orbits.errors import InputError, RetiredWarning, UnknownNameError
 from orbits.integrators import registry
 from orbits.integrators.base import SYMPLECTIC
 from orbits.lagrangians.newtonian import newtonian
-from orbits.marching.tangent import Tangents
+from orbits.marching.tangents.of_bodies import Tangents
 from orbits.propagation.events.particles import stretches
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import massive_of, particle_of, tangents_of
@@ -300,7 +300,7 @@ def test_steps_of_a_map_with_terms_are_followed_to_the_same_bits_in_blocks_of_an
     system = planets().with_terms(J2, RELATIVITY)
     options = {"dt": 0.05, "duration": 5.0, "check_step": False}
     whole = orbits.megno(system, "wisdom-holman", samples=[5.0], **options)
-    monkeypatch.setattr("orbits.marching.map_tangents.BLOCK", 7)
+    monkeypatch.setattr("orbits.marching.tangents.in_maps.BLOCK", 7)
     parts = orbits.megno(system, "wisdom-holman", samples=[1.0, 2.22, 5.0], **options)
     assert parts.massive.megno[-1] == whole.massive.megno[-1]
 

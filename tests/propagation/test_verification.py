@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import orbits
 from orbits.archive import ArchiveWriter
 from orbits.cli import app
-from orbits.propagation import sample_store, verification
+from orbits.propagation.resuming import sample_store, verification
 
 BODIES = {
     "star": {"gm": 1.0, "radius": 0.05},

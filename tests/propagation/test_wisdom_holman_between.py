@@ -8,7 +8,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import InputError
-from orbits.marching.clocks import ConstantSteps
+from orbits.marching.clocks.constant import ConstantSteps
 from orbits.propagation.marchers import bound
 
 DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)

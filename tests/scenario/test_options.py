@@ -23,7 +23,7 @@ from orbits.ensemble import command as campaigns
 from orbits.ensemble import run as run_campaign
 from orbits.errors import ArchiveError, InputError, Interrupted, UnknownNameError
 from orbits.option_values import LARGEST, option_text
-from orbits.propagation import sample_store
+from orbits.propagation.resuming import sample_store
 from orbits.scenario import bundled, load, perform, unfinished
 from orbits.scenario.certificates import certify_scenario, to_record
 from orbits.scenario.options import read_options

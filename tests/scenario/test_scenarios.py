@@ -22,8 +22,9 @@ import orbits
 from orbits import integrators
 from orbits.archive import Archive
 from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
-from orbits.marching.changing import ChangingSteps
-from orbits.propagation import marchers, sample_store
+from orbits.marching.clocks.variable_steps import ChangingSteps
+from orbits.propagation import marchers
+from orbits.propagation.resuming import sample_store
 from orbits.scenario import bundled, load, perform, performing
 from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock

@@ -10,7 +10,7 @@ from astropy import units as u
 import orbits
 from orbits.diagnostics.loops import area, loop
 from orbits.errors import InputError, SingularityError, StepWarning
-from orbits.kernels.spins import cosine_of_turns, sine_of_turns
+from orbits.kernels.rotation.planar_spins import cosine_of_turns, sine_of_turns
 from orbits.spin_orbit import PlanarSpins, planar
 
 HYPERION = PlanarSpins(eccentricity=0.1, alpha=0.89)

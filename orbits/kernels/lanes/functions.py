@@ -8,10 +8,10 @@ from functools import partial, update_wrapper
 from numba import types
 from numba.extending import intrinsic
 
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes.arithmetic import select
 from orbits.kernels.lanes.memory import full, lane
 from orbits.kernels.lanes.type import VECTOR, LanesType, lanes
-from orbits.kernels.verbs import verb
 
 
 @intrinsic

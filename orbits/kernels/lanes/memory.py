@@ -9,6 +9,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes.type import (
     DOUBLE,
     INT32,
@@ -26,7 +27,6 @@ from orbits.kernels.lanes.type import (
     shuffle,
     widen,
 )
-from orbits.kernels.verbs import verb
 
 
 @intrinsic

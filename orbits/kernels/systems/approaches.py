@@ -1,23 +1,23 @@
 """The search for closest approaches among the star and the planets of eight systems at once.
 
-As in `orbits.kernels.planet_approaches`, all pairs are sampled at equal intervals, those of the system that needs the
-shortest. What is found is located in the steps of its system alone, and is the same.
+As in `orbits.kernels.search.approaches_of_planets`, all pairs are sampled at equal intervals, those of the system that
+needs the shortest. What is found is located in the steps of its system alone, and is the same.
 """
 
 from __future__ import annotations
 
-from orbits.kernels.approach_search import FRACTION, SLACK, estimate, is_near_or_fast
 from orbits.kernels.compile import kernel
-from orbits.kernels.encounters import DISTANCE2, DOMINANT, OTHER, note_rows
-from orbits.kernels.interaction import load_three, store_three
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, load, maximum, minimum, select, store
-from orbits.kernels.observing import call_enter
-from orbits.kernels.planet_approaches import MOST_APART, WANDERING, apsides_and_time, length2
+from orbits.kernels.maps.interaction import load_three, store_three
+from orbits.kernels.search.approaches import FRACTION, SLACK, estimate, is_near_or_fast
+from orbits.kernels.search.approaches_of_planets import MOST_APART, WANDERING, apsides_and_time, length2
 from orbits.kernels.search.apsides import OPEN
+from orbits.kernels.search.context import no_particles, set_first, watch_at
+from orbits.kernels.search.observers import call_enter
+from orbits.kernels.search.record import DISTANCE2, DOMINANT, OTHER, note_rows
 from orbits.kernels.systems.interaction import store_places
 from orbits.kernels.systems.planet_rows import CENTRE, PLANET, STATE, body_of, registers_of, rows_of_planets
 from orbits.kernels.systems.planets import place_seen, show_in_lanes
-from orbits.kernels.watch import no_particles, set_first, watch_at
 
 MOST_SOUGHT = WIDTH
 """The most planets among which approaches are looked for here: with more, each march looks through its own states, at

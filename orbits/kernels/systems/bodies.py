@@ -1,4 +1,5 @@
-"""Kicks and drifts of eight systems at once, by Newton's gravity, with the bits of `orbits.integrators.splitting`.
+"""Kicks and drifts of eight systems at once, by Newton's gravity, with the bits of
+`orbits.integrators.kicks_and_drifts.splitting`.
 
 Rows are the coordinates of a system in their order, with those of eight systems in lanes.
 """
@@ -6,9 +7,9 @@ Rows are the coordinates of a system in their order, with those of eight systems
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.gravity import TILE
+from orbits.kernels.gravity.pair_sums import TILE
 from orbits.kernels.lanes import WIDTH, full, load, rsqrt_cubed, store, transposed
-from orbits.kernels.summation import accumulate, add_product
+from orbits.kernels.sums.summation import accumulate, add_product
 
 MOST_BODIES = TILE
 """The most bodies of a system: those whose attractions are summed in one go."""
@@ -101,7 +102,7 @@ def _drift(rows, size, h, v):
 def march_bodies(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows, path, contexts, steps):
     """March eight systems by `steps` steps of kicks and drifts; return the evaluations of each.
 
-    coefficients : of `Splitting`; strengths : (8, 1 + n), see `orbits.kernels.gravity`
+    coefficients : of `Splitting`; strengths : (8, 1 + n), see `orbits.kernels.gravity.pair_sums`
     q, q_lo, v, v_lo : (8, padded), the states; rows : workspace, see `rows_of_bodies`
     path : (8, length), receives q and v of each system, each padded, at the beginning of each step; contexts : not used
     """

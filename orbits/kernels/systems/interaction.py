@@ -1,14 +1,15 @@
 """The interaction of the planets of eight systems, and its change along itself, with the bits of a system alone.
 
-The sums over planets are the trees of additions of `orbits.kernels.interaction`, from one register of eight planets to
-the next. The pulls on a planet are added in its order: first those within its register, then those of the planets of
-the others, one by one. Each pair is evaluated once.
+The sums over planets are the trees of additions of `orbits.kernels.maps.interaction`, from one register of eight
+planets to the next. The pulls on a planet are added in its order: first those within its register, then those of the
+planets of the others, one by one. Each pair is evaluated once.
 """
 
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import (
+from orbits.kernels.lanes import WIDTH, fma, full, inverse_powers, load, rsqrt_cubed, store
+from orbits.kernels.maps.interaction import (
     Pairs,
     load_three,
     pulls_on_inner,
@@ -19,7 +20,6 @@ from orbits.kernels.interaction import (
     whole_interaction,
     with_change,
 )
-from orbits.kernels.lanes import WIDTH, fma, full, inverse_powers, load, rsqrt_cubed, store
 from orbits.kernels.systems.planet_rows import (
     FORCE,
     GM,

@@ -9,7 +9,8 @@ of planets that do not exist are 0.
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import (
+from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.maps.interaction import (
     ATTRACTING,
     CENTRAL,
     INNER,
@@ -21,8 +22,7 @@ from orbits.kernels.interaction import (
     STATE_ROWS,
     Masses,
 )
-from orbits.kernels.jacobi import prepare_room
-from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.maps.jacobi import prepare_room
 
 CENTRE, STAR = 0, STATE_ROWS
 STATE = STAR + 6

@@ -1,4 +1,5 @@
-"""Wisdom–Holman maps of eight systems at once: rows are what lanes are in `orbits.kernels.jacobi`, with the same bits.
+"""Wisdom–Holman maps of eight systems at once: rows are what lanes are in `orbits.kernels.maps.jacobi`, with the same
+bits.
 
 `orbits.kernels.systems.planet_rows` has what the rows hold.
 """
@@ -6,10 +7,10 @@
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.interaction import load_three, store_three
+from orbits.kernels.kepler.short_flow import short_increments
 from orbits.kernels.lanes import WIDTH, fma, full, halves, joined, load, store
-from orbits.kernels.short_kepler import short_increments
-from orbits.kernels.summation import accumulate, add_product
+from orbits.kernels.maps.interaction import load_three, store_three
+from orbits.kernels.sums.summation import accumulate, add_product
 from orbits.kernels.systems.interaction import displace_in_lanes, interact_in_lanes, load_eight, modify_in_lanes
 from orbits.kernels.systems.planet_rows import (
     ALL_IN,

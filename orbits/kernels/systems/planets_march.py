@@ -16,8 +16,9 @@ def march_planets(coefficients, strengths, q, q_lo, v, v_lo, carries, room, rows
     coefficients : of `KeplerSplitting`; strengths, carries, room : see `gather_planets`; rows : workspace
     q, v : (8, padded), receive what is seen at the end; their low parts are not used
     path : (8, length), receives q and v of each system, each padded, at the beginning of each step
-    contexts : (8,) int64, the contexts of observers that look for closest approaches, see `orbits.kernels.watch`; only
-        states that they look at are then recorded. 0 for a lane that is left, and all 0 if all states are recorded
+    contexts : (8,) int64, the contexts of observers that look for closest approaches, see
+        `orbits.kernels.search.context`; only states that they look at are then recorded. 0 for a lane that is left, and
+        all 0 if all states are recorded
     """
     count = strengths.shape[1] - 2
     h, shift, lazy = coefficients[0, 1], coefficients[0, 2], coefficients[0, 3] != 0.0

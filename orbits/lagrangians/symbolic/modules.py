@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-from orbits.kernels import trust
-from orbits.kernels.keeping import checksum
-from orbits.kernels.stamp import source_stamp
+from orbits.kernels.compile import trusted_files
+from orbits.kernels.compile.disk_cache import checksum
+from orbits.kernels.compile.source_hash import source_stamp
 
 _LOADING = threading.RLock()
 
@@ -30,15 +30,15 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
     with _LOADING:  # another thread must not see a partially executed module
         if name in sys.modules:
             return sys.modules[name]
-        path = trust.user_folder("lagrangians") / f"{name}.py"
+        path = trusted_files.user_folder("lagrangians") / f"{name}.py"
         text, warning = _kept(path)
         if text is None:
             # The first file is kept: another one would have another time stamp, which makes Numba's stored code stale.
             # An unusable file is replaced without removing it first: another process may just have written a good one.
-            trust.write(path, _signed(write()), replace=bool(warning))
+            trusted_files.write(path, _signed(write()), replace=bool(warning))
             text = path.read_bytes()
         if warning:
-            trust.warn(warning)
+            trusted_files.warn(warning)
         made = ModuleType(name)
         made.__file__ = str(path)
         sys.modules[name] = made
@@ -54,10 +54,10 @@ def module(key: str, write: Callable[[], str]) -> ModuleType:
 def _kept(path: Path) -> tuple[bytes | None, str]:
     """Return the text stored at `path` and ""; or None and the reason why an existing file cannot be used."""
     try:
-        text = trust.read(path)
+        text = trusted_files.read(path)
     except FileNotFoundError:
         return None, ""
-    except trust.DistrustedError as error:
+    except trusted_files.DistrustedError as error:
         return None, str(error)
     if text != _signed(text.partition(b"\n")[2].decode(errors="replace")):
         return None, f"the module {path} is damaged (its checksum does not match): it is made anew."

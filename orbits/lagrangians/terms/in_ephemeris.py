@@ -5,7 +5,7 @@
 This is a constraint that depends on time, not a force: it adds nothing to L, but the bodies are where the files have
 them, whatever attracts them. All others, massless or light, move by the whole Lagrangian in their field: L depends on
 time, and nothing of it is conserved.
-Parameters: the tables of `orbits.kernels.chebyshev`.
+Parameters: the tables of `orbits.kernels.ephemeris.chebyshev`.
 """
 
 from __future__ import annotations
@@ -239,7 +239,7 @@ class InEphemeris(Term):
 
     def states(self, times: Any) -> tuple[Any, Any]:
         """Return positions and velocities of the bodies at times since the epoch, (m, n, 3) each, au and au/d."""
-        from orbits.kernels.chebyshev import given_states
+        from orbits.kernels.ephemeris.chebyshev import given_states
 
         n, given = len(self.bodies), self.series().given
         times = np.ascontiguousarray(times, dtype=np.float64)

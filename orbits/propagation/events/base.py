@@ -165,7 +165,7 @@ class Bound:
         return found
 
     def of_pairs(self) -> tuple[int, Array] | None:
-        """Return how compiled code computes the function, see `orbits.kernels.event_search`; None if it cannot."""
+        """Return how compiled code computes the function, see `orbits.kernels.search.zeros`; None if it cannot."""
         return None
 
     def bodies(self) -> Whole | None:

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, IntegrationError, with_unit
 from orbits.integrators.base import Integrator
-from orbits.marching.adaptive import Adaptive
-from orbits.marching.clocks import Clock, Place
-from orbits.marching.handing_over import METHOD
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Clock, Place
+from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.marcher import Marcher
-from orbits.marching.motion import Motion
+from orbits.marching.stepping.motion import Motion
 from orbits.propagation.events.base import Sample
 from orbits.propagation.events.seeking import Found, Seeking
 from orbits.propagation.marchers import bound

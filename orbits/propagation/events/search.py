@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.kernels.event_search import brackets_of_pairs
-from orbits.marching.motion import Motion
+from orbits.kernels.search.zeros import brackets_of_pairs
+from orbits.marching.stepping.motion import Motion
 from orbits.propagation.events.base import NOBODY, Array, Bound, Whole
 
 NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0]
@@ -64,7 +64,7 @@ BESIDE = 0.5
 CHECKS = np.concatenate([[0.0], NODES])
 
 PLACES = np.concatenate([NODES, NODES + APART, [APART, 1.0 - APART, 1.0], np.ones(5)])
-"""The same for functions that compiled code computes: see `orbits.kernels.event_search.PLACES`."""
+"""The same for functions that compiled code computes: see `orbits.kernels.search.zeros.PLACES`."""
 
 FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
 """Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.errors import EventError, InputError, IntegrationError, shown, with_unit
-from orbits.kernels.stopping import ANY, CLOSER, FARTHER
-from orbits.marching.motion import Collected, Motion
-from orbits.marching.watcher import SUSPECT
-from orbits.propagation.acting import OfTwo
+from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER
+from orbits.marching.stepping.motion import Collected, Motion
+from orbits.marching.watching.watcher import SUSPECT
+from orbits.propagation.collisions.merge_and_bounce import OfTwo
 from orbits.propagation.events.base import NOBODY, STOP, Action, Bound, Happening, Sample, Sought, Touching
 from orbits.propagation.events.functions import Raised, description
-from orbits.propagation.events.kinds import Distance
+from orbits.propagation.events.kinds.of_pairs import Distance
 from orbits.propagation.events.left import Left, bounds_left, sides_of
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession

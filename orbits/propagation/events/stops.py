@@ -1,8 +1,8 @@
 """Distances at which a run ends, found where the march stops as a pair of bodies may come to one within a step.
 
-Compiled code looks at all pairs after each block, and only excludes (`orbits.kernels.stopping`). A step that is left is
-halved again and again, on the motion of the run itself, until no pair can come to its bound within a part, or the part
-is so short that the distance has at most one extremum in it; then a zero is found.
+Compiled code looks at all pairs after each block, and only excludes (`orbits.kernels.search.stopping`). A step that is
+left is halved again and again, on the motion of the run itself, until no pair can come to its bound within a part, or
+the part is so short that the distance has at most one extremum in it; then a zero is found.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from orbits.kernels.stopping import ANY, CLOSER, KIND
+from orbits.kernels.search.stopping import ANY, CLOSER, KIND
 from orbits.propagation.events.base import Array, Sample, Whole
-from orbits.propagation.events.kinds import Distance
+from orbits.propagation.events.kinds.of_pairs import Distance
 from orbits.propagation.events.search import root
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ class Stops:
     bounds : the functions, by their numbers
     sought : (kind, first body, second body) of each, with `ANY` for a body without a name
 
-    rows : as the march looks for them, (functions, 4); see `orbits.kernels.stopping`
+    rows : as the march looks for them, (functions, 4); see `orbits.kernels.search.stopping`
     """
 
     def __init__(self, bounds: Mapping[int, Distance], sought: Mapping[int, tuple[int, int, int]]) -> None:

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from orbits.checks import whole_number
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
-from orbits.marching.choice import form_of_bodies
-from orbits.marching.clocks import Clock
-from orbits.marching.map_tangents import MapTangents, require_map_tangents
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.marcher import available_threads
-from orbits.marching.pool import Pool
-from orbits.marching.tangent import Tangents, require_tangents
-from orbits.marching.transformed import TimeTransformed
+from orbits.marching.stepping.choice_of_form import form_of_bodies
+from orbits.marching.stepping.pool import Pool
+from orbits.marching.tangents.in_maps import MapTangents, require_map_tangents
+from orbits.marching.tangents.of_bodies import Tangents, require_tangents
 from orbits.propagation.events.particles import stretches, with_light
 from orbits.propagation.marchers import bound
 from orbits.system import System

@@ -27,8 +27,8 @@ from orbits.errors import InputError, IntegrationError, RetiredWarning, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.marching.particle_tangents import march_together
-from orbits.propagation.before_the_start import found_ahead, warn_or_refuse
+from orbits.marching.tangents.of_particles import march_together
+from orbits.propagation.checks.before_the_start import found_ahead, warn_or_refuse
 from orbits.propagation.variations.following import (
     Varied,
     at_samples,

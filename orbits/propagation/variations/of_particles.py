@@ -13,12 +13,12 @@ from orbits.checks import whole_number
 from orbits.errors import RetiredWarning, StepWarning, counted, with_unit
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
-from orbits.marching.kepler_passages import HILL_RADII, near_a_planet
 from orbits.marching.marcher import available_threads
-from orbits.marching.particle_tangents import ParticleTangents, Passages
-from orbits.propagation.kepler_splitting import encounters
+from orbits.marching.tangents.of_particles import ParticleTangents, Passages
+from orbits.marching.watching.kepler_passages import HILL_RADII, near_a_planet
+from orbits.propagation.checks.kepler_splitting import encounters
 from orbits.propagation.marchers import bound
-from orbits.propagation.passages_seen import Record, Seen
+from orbits.propagation.results.passages_seen import Record, Seen
 from orbits.system import System
 from orbits.system.model import model
 from orbits.time_grid import TimeGrid

@@ -17,8 +17,8 @@ from orbits.errors import InputError, RetiredWarning, counted, shown
 from orbits.export import headed, html_table, text_table
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
-from orbits.propagation.available_memory import MEMORY_SHARE, memory
-from orbits.propagation.before_the_start import found_ahead, warn_or_refuse
+from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
+from orbits.propagation.checks.before_the_start import found_ahead, warn_or_refuse
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import (
     Varied,

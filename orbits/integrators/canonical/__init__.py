@@ -1,0 +1,1 @@
+"""The step of variational methods in canonical form, for any regular Lagrangian."""

@@ -1,0 +1,1 @@
+"""Steps of kicks and drifts, with constraints too."""

@@ -1,0 +1,1 @@
+"""The steps of Wisdom–Holman maps."""

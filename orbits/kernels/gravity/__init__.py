@@ -1,0 +1,1 @@
+"""What acts on bodies: pair sums of gravity, terms and forces, potentials."""

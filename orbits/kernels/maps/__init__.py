@@ -1,0 +1,1 @@
+"""Stages of Wisdom–Holman maps, for planets and for massless particles."""

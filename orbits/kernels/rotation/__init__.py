@@ -1,0 +1,1 @@
+"""The free rotation of rigid bodies, and spins in the plane of an orbit."""

@@ -1,0 +1,1 @@
+"""Tangent vectors: the exact derivatives of steps and of their stages."""

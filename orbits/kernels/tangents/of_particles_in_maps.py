@@ -1,0 +1,394 @@
+"""Tangent vectors of massless particles in a Wisdom–Holman map: eight particles in lanes, several vectors of each.
+
+The particles march by the kernels of `orbits.kernels.maps.jacobi_particles`. What their vectors need of a step is
+computed once: the `Flow` of the Kepler motion, and the derivative of the kick, a matrix, with T = Dg and s = h^2/12
+
+    plain      T
+    lazy       T(r' + s g) (1 + s T)
+    modified   T + s T^2 + s D^2 g (g, .)
+
+The planets have no variations. Passages that the map cannot follow are noted on the way.
+
+Sources: those of `orbits.kernels.tangents.of_jacobi_kicks`; Cincotta, Giordano & Simó (2003), Physica D 182, 151, for
+MEGNO.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import (
+    WIDTH,
+    any_lane,
+    fma,
+    full,
+    get,
+    load,
+    maximum,
+    minimum,
+    rsqrt_cubed,
+    select,
+    store,
+    unit,
+)
+from orbits.kernels.lanes.functions import log
+from orbits.kernels.maps.jacobi_particles import (
+    drifted_particles,
+    interaction,
+    kicked_particles,
+    of_places,
+    store_marched,
+    table_rows,
+    take_particles,
+    with_interaction,
+)
+from orbits.kernels.maps.stages import LAZY, MODIFIED
+from orbits.kernels.search.apsides import apsides
+from orbits.kernels.search.context import flat
+from orbits.kernels.search.cubics import hermite
+from orbits.kernels.steps import Model
+from orbits.kernels.tangents.of_kepler_flow import flow_change, flow_of
+from orbits.kernels.tangents.through_stages import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLER, SQUARE
+
+NEAR, WHICH, SHARP = 0, 1, 2
+"""Rows of what is noted of eight particles: the step with the first passage near a planet, the number of that planet
+outwards, and the step with the first pericentre that is not resolved; infinite for none."""
+
+PARTS = 8
+"""Parts of a step in which the distance from a planet is looked for."""
+
+ODD = tuple(1.0 / (2 * k + 1) for k in range(12, 0, -1))
+"""Coefficients of the series of artanh z / z - 1 in z^2, the highest first: complete to 1e-17 for |z| <= 1/4."""
+
+
+class Matrix(NamedTuple):
+    """The derivative of a kick, by rows."""
+
+    xx: Any
+    xy: Any
+    xz: Any
+    yx: Any
+    yy: Any
+    yz: Any
+    zx: Any
+    zy: Any
+    zz: Any
+
+
+class Judged(NamedTuple):
+    """What passages are judged by.
+
+    path : (steps + 1, 2, padded), q and v of the bodies; order : (n,) int64, the dominant body and the planets outwards
+    reach : (n - 1,), the square of the distance from each planet within which the map cannot follow, over that of the
+        planet from the dominant body
+    turn : the largest angle of a step at a pericentre; found : (groups, 3, 8), see `NEAR`
+    """
+
+    path: Any
+    order: Any
+    reach: Any
+    turn: Any
+    found: Any
+
+
+@kernel
+def follow_particles(
+    tag, coefficients, strength, t, h, memory, stages, retired, rows, begun, steps, start, stop, kick, scale,
+    vectors, growth, judged
+):  # fmt: skip
+    """March particles start ... stop - 1 by `steps` steps through the tables of the planets, and their vectors.
+
+    tag, strength : of Newton's gravity; memory, stages, rows : see `orbits.kernels.maps.jacobi_particles`
+    retired : (padded, 2) int64, those with another number than 0 rest
+    begun : the number of steps before; kick : see `orbits.kernels.maps.stages`
+    vectors : (groups, count, 6, 8), dr' and its velocity; growth : (groups, count, 5, 8), see
+        `orbits.kernels.tangents.through_stages`
+    """
+    count, half, shift = strength.shape[0] - 2, 0.5 * h, coefficients[0, 2]
+    whole, lazy, after, model = coefficients[0, 1], coefficients[0, 3], table_rows(count), Model(tag, strength)
+    for p in range(start, stop, WIDTH):
+        there = full(1.0)
+        for j in range(WIDTH):
+            if p + j >= stop or retired[p + j, 0] != 0:
+                there = there - unit(j)
+        group = p // WIDTH
+        marched = take_particles(memory, p, there, rows)
+        marched = with_interaction(model, stages[0], 0, shift, lazy, marched, rows)
+        matrix = kick_matrix(stages[0], 0, count, kick, shift, marched, rows)
+        for k in range(steps):
+            table, before = stages[k], marched
+            marched, ax, ay, az = drifted_particles(before, whole, half)
+            kx, ky, kz = half * before.gx, half * before.gy, half * before.gz
+            flow = flow_of(
+                before.x, before.y, before.z, before.vx + kx, before.vy + ky, before.vz + kz, before.gm, full(h),
+                (marched.x - before.x) + (marched.x_lo - before.x_lo),
+                (marched.y - before.y) + (marched.y_lo - before.y_lo),
+                (marched.z - before.z) + (marched.z_lo - before.z_lo),
+                ax - kx, ay - ky, az - kz,
+            )  # fmt: skip
+            g = interaction(model, table, after, shift, lazy, marched, rows)
+            marched = kicked_particles(marched, (ax, ay, az), half, g)
+            last = matrix
+            matrix = kick_matrix(table, after, count, kick, shift, marched, rows)
+            now = abs(t) + k * abs(h)
+            for w in range(vectors.shape[1]):
+                _advance(flow, last, matrix, half, vectors[group, w])
+                _measure(now, abs(h), scale, vectors[group, w], growth[group, w])
+            _judge(table, count, h, (begun, k), (before, marched), judged, judged.found[group], rows)
+        store_marched(memory, p, marched, rows)
+
+
+@kernel(inline=True)
+def _advance(flow, last, matrix, half, vector):
+    """Take a step of a vector of each of eight particles: half a kick, a Kepler motion, half a kick."""
+    x, y, z = load(vector, 0), load(vector, 1), load(vector, 2)
+    kx, ky, kz = _times(last, x, y, z)
+    vx, vy, vz = fma(half, kx, load(vector, 3)), fma(half, ky, load(vector, 4)), fma(half, kz, load(vector, 5))
+    dx, dy, dz, dvx, dvy, dvz = flow_change(flow, x, y, z, vx, vy, vz)
+    x, y, z = x + dx, y + dy, z + dz
+    kx, ky, kz = _times(matrix, x, y, z)
+    store(vector, 0, x)
+    store(vector, 1, y)
+    store(vector, 2, z)
+    store(vector, 3, fma(half, kx, vx + dvx))
+    store(vector, 4, fma(half, ky, vy + dvy))
+    store(vector, 5, fma(half, kz, vz + dvz))
+
+
+@kernel(inline=True)
+def _times(matrix, x, y, z):
+    return (
+        fma(matrix.xx, x, fma(matrix.xy, y, matrix.xz * z)),
+        fma(matrix.yx, x, fma(matrix.yy, y, matrix.yz * z)),
+        fma(matrix.zx, x, fma(matrix.zy, y, matrix.zz * z)),
+    )
+
+
+@kernel(inline=True)
+def _measure(t, h, scale, vector, growth):
+    """Add a step of h from t to the growth of a vector of each of eight particles; see
+    `orbits.kernels.tangents.through_stages`.
+    """
+    x, y, z = load(vector, 0), load(vector, 1), load(vector, 2)
+    vx, vy, vz = scale * load(vector, 3), scale * load(vector, 4), scale * load(vector, 5)
+    now = fma(x, x, fma(y, y, fma(z, z, fma(vx, vx, fma(vy, vy, vz * vz)))))
+    grown = 0.5 * log_ratio(now, load(growth, SQUARE))
+    lever = fma(full(t + 0.5 * h), grown, load(growth, LEVER))
+    Y = (2.0 / (t + h)) * lever
+    store(growth, LEVER, lever)
+    store(growth, LOGARITHM, load(growth, LOGARITHM) + grown)
+    store(growth, AREA, fma(full(0.5 * h), load(growth, BEFORE) + Y, load(growth, AREA)))
+    store(growth, BEFORE, Y)
+    large = now > LARGE
+    if any_lane(large):
+        factor = select(large, full(SMALLER), full(1.0))
+        for row in range(6):
+            store(vector, row, factor * load(vector, row))
+        now = now * (factor * factor)
+    store(growth, SQUARE, now)
+
+
+@kernel(inline=True)
+def log_ratio(a, b):
+    """Return ln(a / b) of positive numbers."""
+    z = (a - b) / (a + b)
+    z2 = z * z
+    series = 0.0 * z
+    for k in range(len(ODD)):
+        series = fma(series, z2, ODD[k])
+    value = 2.0 * fma(z * z2, series, z)
+    near = z2 <= 0.0625
+    if any_lane(1.0 - near):
+        value = select(near, value, _far_log(a, b))
+    return value
+
+
+@kernel
+def _far_log(a, b):
+    """Return ln(a / b), not copied into the caller."""
+    return log(a / b)
+
+
+@kernel(inline=True)
+def _pull(x, y, z):
+    """Return r^-3 and r^-2."""
+    r2 = fma(x, x, fma(y, y, z * z))
+    cubed = rsqrt_cubed(r2)
+    near = cubed * r2
+    return cubed, near * near
+
+
+@kernel(inline=True)
+def _with_pull(T, w, x, y, z):
+    """Return a matrix with w times the derivative of (x, y, z) / r^3."""
+    cubed, squared = _pull(x, y, z)
+    w = w * cubed
+    f = -3.0 * w * squared
+    fx, fy, fz = f * x, f * y, f * z
+    return (
+        fma(fx, x, T[0] + w), fma(fx, y, T[1]), fma(fx, z, T[2]),
+        fma(fy, y, T[3] + w), fma(fy, z, T[4]), fma(fz, z, T[5] + w),
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def _with_bend(T, w, x, y, z, ex, ey, ez):
+    """Return a matrix with w times the change of the derivative of (x, y, z) / r^3 along (ex, ey, ez)."""
+    cubed, squared = _pull(x, y, z)
+    f = -3.0 * w * cubed * squared
+    along = fma(x, ex, fma(y, ey, z * ez))
+    b = -2.5 * along * squared  # half of the coefficient of x x
+    ax, ay, az, own = f * fma(b, x, ex), f * fma(b, y, ey), f * fma(b, z, ez), f * along
+    return (
+        T[0] + fma(2.0 * ax, x, own), T[1] + fma(ax, y, ay * x), T[2] + fma(ax, z, az * x),
+        T[3] + fma(2.0 * ay, y, own), T[4] + fma(ay, z, az * y), T[5] + fma(2.0 * az, z, own),
+    )  # fmt: skip
+
+
+@kernel(inline=True)
+def _derivative(line, first, count, second, place, centre, marched):
+    """Return T at a place relative to R_i, six numbers, and g there; see `orbits.kernels.maps.jacobi_particles`."""
+    (x, y, z), (cx, cy, cz, bx, by, bz) = place, centre
+    ux, uy, uz = x + cx, y + cy, z + cz
+    zero = 0.0 * x
+    T = zero, zero, zero, zero, zero, zero
+    gx, gy, gz = bx, by, bz
+    planets = WIDTH * (first + 3 * (count + 1))
+    for j in range(count):
+        row = planets + WIDTH * j
+        at = row + 3 * second
+        dx, dy, dz, mass = get(line, at) - ux, get(line, at + 1) - uy, get(line, at + 2) - uz, get(line, row + 6)
+        T = _with_pull(T, full(-mass), dx, dy, dz)
+        w = mass * _pull(dx, dy, dz)[0]
+        gx, gy, gz = fma(w, dx, gx), fma(w, dy, gy), fma(w, dz, gz)
+    central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
+    T = _with_pull(T, marched.gm, x, y, z)
+    T = _with_pull(T, -central, ux, uy, uz)
+    kepler, pull = marched.gm * _pull(x, y, z)[0], central * _pull(ux, uy, uz)[0]
+    gx, gy, gz = gx + (kepler * x - pull * ux), gy + (kepler * y - pull * uy), gz + (kepler * z - pull * uz)
+    return T, (gx, gy, gz)
+
+
+@kernel
+def kick_matrix(table, first, count, kick, shift, marched, rows):
+    """Return the derivative of the kick of eight particles, by a table of the planets."""
+    line = flat(table)
+    x, y, z = marched.x, marched.y, marched.z
+    centre = of_places(line, first, 0, marched, rows)
+    T, g = _derivative(line, first, count, 0, (x, y, z), centre, marched)
+    if kick == LAZY:
+        moved = of_places(line, first, 1, marched, rows)
+        place = fma(shift, g[0], x), fma(shift, g[1], y), fma(shift, g[2], z)
+        U, _ = _derivative(line, first, count, 1, place, moved, marched)
+        return _product(U, T, shift, U)
+    if kick == MODIFIED:
+        moved = of_places(line, first, 1, marched, rows)
+        sx, sy, sz = shift * g[0], shift * g[1], shift * g[2]
+        ex, ey, ez = sx + moved[0], sy + moved[1], sz + moved[2]
+        ux, uy, uz = x + centre[0], y + centre[1], z + centre[2]
+        B = T
+        planets = WIDTH * (first + 3 * (count + 1))
+        for j in range(count):
+            row = planets + WIDTH * j
+            B = _with_bend(
+                B, full(-get(line, row + 6)),
+                get(line, row) - ux, get(line, row + 1) - uy, get(line, row + 2) - uz,
+                get(line, row + 3) - ex, get(line, row + 4) - ey, get(line, row + 5) - ez,
+            )  # fmt: skip
+        central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
+        B = _with_bend(B, marched.gm, x, y, z, sx, sy, sz)
+        B = _with_bend(B, -central, ux, uy, uz, ex, ey, ez)
+        return _product(T, T, shift, B)
+    return Matrix(T[0], T[1], T[2], T[1], T[3], T[4], T[2], T[4], T[5])
+
+
+@kernel(inline=True)
+def _product(U, T, s, B):
+    """Return B + s U T of symmetric matrices."""
+    ax, ay, az = s * U[0], s * U[1], s * U[2]
+    bx, by, bz = s * U[1], s * U[3], s * U[4]
+    cx, cy, cz = s * U[2], s * U[4], s * U[5]
+    return Matrix(
+        fma(ax, T[0], fma(ay, T[1], fma(az, T[2], B[0]))),
+        fma(ax, T[1], fma(ay, T[3], fma(az, T[4], B[1]))),
+        fma(ax, T[2], fma(ay, T[4], fma(az, T[5], B[2]))),
+        fma(bx, T[0], fma(by, T[1], fma(bz, T[2], B[1]))),
+        fma(bx, T[1], fma(by, T[3], fma(bz, T[4], B[3]))),
+        fma(bx, T[2], fma(by, T[4], fma(bz, T[5], B[4]))),
+        fma(cx, T[0], fma(cy, T[1], fma(cz, T[2], B[2]))),
+        fma(cx, T[1], fma(cy, T[3], fma(cz, T[4], B[4]))),
+        fma(cx, T[2], fma(cy, T[4], fma(cz, T[5], B[5]))),
+    )
+
+
+@kernel
+def _judge(table, count, h, when, ends, judged, found, rows):
+    """Note the first passage of each of eight particles near a planet, and the first pericentre that is not resolved,
+    if they are in a step.
+
+    when : the number of steps before the block, and of the step in it; ends : the particles before and after the step
+    """
+    (begun, k), (before, marched), line = when, ends, flat(table)
+    step, n, sun = 1.0 * (begun + k), judged.order.shape[0], judged.order[0]
+    there = marched.gm > 0.0
+    cx, cy, cz, _, _, _ = of_places(line, table_rows(count), 0, marched, rows)
+    begin, end = judged.path[k], judged.path[k + 1]
+    for j in range(count):
+        body = judged.order[1 + j]
+        px, py = end[0, body] - end[0, sun], end[0, n + body] - end[0, n + sun]
+        pz = end[0, 2 * n + body] - end[0, 2 * n + sun]
+        dx, dy, dz = px - (marched.x + cx), py - (marched.y + cy), pz - (marched.z + cz)
+        vx = (end[1, body] - end[1, sun]) - marched.vx
+        vy = (end[1, n + body] - end[1, n + sun]) - marched.vy
+        vz = (end[1, 2 * n + body] - end[1, 2 * n + sun]) - marched.vz
+        d2, v2 = fma(dx, dx, fma(dy, dy, dz * dz)), fma(vx, vx, fma(vy, vy, vz * vz))
+        limit = judged.reach[j] * (px * px + py * py + pz * pz)
+        # (a + b)^2 <= 2 (a^2 + b^2), for the reach and the way in a step, with half of that for its curvature
+        if any_lane((d2 < 2.0 * (limit + 2.25 * h * h * v2)) * there * (load(found, NEAR) > step)):
+            ax = (begin[0, body] - begin[0, sun]) - (before.x + cx)
+            ay = (begin[0, n + body] - begin[0, n + sun]) - (before.y + cy)
+            az = (begin[0, 2 * n + body] - begin[0, 2 * n + sun]) - (before.z + cz)
+            wx = (begin[1, body] - begin[1, sun]) - before.vx
+            wy = (begin[1, n + body] - begin[1, n + sun]) - before.vy
+            wz = (begin[1, 2 * n + body] - begin[1, 2 * n + sun]) - before.vz
+            least = _least((ax, ay, az), (h * wx, h * wy, h * wz), (dx, dy, dz), (h * vx, h * vy, h * vz))
+            first = (least < limit) * there * (load(found, NEAR) > step)
+            store(found, NEAR, select(first, full(step), load(found, NEAR)))
+            store(found, WHICH, select(first, full(1.0 * j), load(found, WHICH)))
+    ahead = 1.0 if h > 0.0 else -1.0
+    inwards = fma(before.x, before.vx, fma(before.y, before.vy, before.z * before.vz))
+    outwards = fma(marched.x, marched.vx, fma(marched.y, marched.vy, marched.z * marched.vz))
+    passed = (ahead * inwards < 0.0) * (ahead * outwards >= 0.0) * there * (load(found, SHARP) > step)
+    if any_lane(passed):
+        sharp = passed * _is_sharp(h, judged.turn, marched)
+        store(found, SHARP, select(sharp, full(step), load(found, SHARP)))
+
+
+@kernel
+def _least(a, v, b, w):
+    """Return the square of the least distance from 0 on the cubic from a to b with the derivatives v and w there."""
+    x, y, z = a
+    least = fma(x, x, fma(y, y, z * z))
+    for k in range(1, PARTS + 1):
+        s = k / PARTS
+        ex, ey, ez = (
+            hermite(s, 1.0, a[0], v[0], b[0], w[0])[0],
+            hermite(s, 1.0, a[1], v[1], b[1], w[1])[0],
+            hermite(s, 1.0, a[2], v[2], b[2], w[2])[0],
+        )
+        dx, dy, dz = ex - x, ey - y, ez - z
+        share = -fma(x, dx, fma(y, dy, z * dz)) / fma(dx, dx, fma(dy, dy, dz * dz))
+        share = maximum(minimum(share, full(1.0)), full(0.0))
+        nx, ny, nz = fma(share, dx, x), fma(share, dy, y), fma(share, dz, z)
+        least = minimum(least, fma(nx, nx, fma(ny, ny, nz * nz)))
+        x, y, z = ex, ey, ez
+    return least
+
+
+@kernel
+def _is_sharp(h, turn, marched):
+    """Return 1 where a step turns a particle by more than `turn` at the pericentre of its orbit."""
+    orbit = apsides(marched.gm, marched.x, marched.y, marched.z, marched.vx, marched.vy, marched.vz)
+    angle = turn * orbit.least * orbit.least
+    return h * h * orbit.swept2 >= angle * angle  # also of a radial orbit

@@ -1,0 +1,186 @@
+"""Tangent vectors that follow a march of bodies with terms that depend on velocities; see
+`orbits.kernels.tangents.through_stages`.
+
+The step is one of positions and momenta, and so is its derivative. Momenta count per mass: w = p / m, which is v
+without such terms. With the derivatives of F = dL/dq and p = dL/dv at the stages,
+
+    dQ_i = dq + sum_j mu_ij K_j,         dW_i = dw + sum_j mu_bar_ij L_j,        m dW = L_vq dQ + L_vv dV
+    K_i = h b_i dV_i,                    L_i = h b_i (L_qq dQ_i + L_qv dV_i) / m
+    dq+ = dq + sum_i K_i,                dw+ = dw + sum_i L_i
+
+The stages are iterated to the round-off floor, those of the bodies first.
+
+Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1, VI.6.2.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from orbits.kernels.binding import dimension, gradients, hessians
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import any_lane, full, load, maximum, select, store
+from orbits.kernels.sums.summation import accumulate
+from orbits.kernels.tangents.through_stages import FLOOR, NODE, STALLED, SWEEPS, WEIGHT, add_block, measure
+
+MU = 2
+"""The columns of a table: c and b of each stage; from `MU` on mu, then mu_bar."""
+
+QQ, QV, VQ, VV = 0, 1, 2, 3
+"""The blocks of derivatives at a stage, over GM of each row; `VV` without the unit matrix."""
+
+
+class MomentaRoom(NamedTuple):
+    """Workspace for D coordinates of the bodies, d of the vectors, s stages.
+
+    Q, V, f, p : (s, padded) positions, velocities, forces and momenta of the stages; w : (padded,), w of the bodies
+    curvature : (3 D^2,) second derivatives of L; blocks : (s, 4, d, d), see `QQ`; dQ, dW : (d, 8)
+    """
+
+    Q: Any
+    V: Any
+    f: Any
+    p: Any
+    w: Any
+    curvature: Any
+    blocks: Any
+    dQ: Any
+    dW: Any
+
+
+@kernel
+def follow_momenta(model, table, course, before, fan, some, inertia, scale, room):
+    """As `orbits.kernels.tangents.through_stages.follow`, with vectors of dq and dw, and kicks (groups, 2 s d, 8): L
+    and K.
+
+    before : not used: the stages start from those of the step before, whatever its length
+    """
+    for k in range(course.lengths.shape[0]):
+        t, h = course.times[k], course.lengths[k]
+        if h == 0.0:  # with which a march may end
+            continue
+        if not place_stages(model, table, t, h, course.path[k], course.path[k + 1], inertia, room):
+            return k
+        for i in range(table.shape[0]):
+            at = t + table[i, NODE] * h
+            hessians(model.tag, model.parameters, at, room.Q[i], room.V[i], room.curvature)
+            write_blocks(room.curvature, some, inertia, room.blocks[i])
+        for g in range(fan.vectors.shape[0]):
+            if not advance(table, h, room.blocks, fan.vectors[g], fan.kicks[g], room.dQ, room.dW):
+                return k
+            if fan.growth.shape[0]:
+                measure(abs(t), abs(h), scale, fan.vectors[g], fan.kicks[g], fan.growth[g])
+    return course.lengths.shape[0]
+
+
+@kernel
+def place_stages(model, table, t, h, start, end, inertia, room):
+    """Write positions and velocities of the bodies at the stages of a step. Returns whether their iteration
+    converges.
+    """
+    Q, V, f, p, w, s = room.Q, room.V, room.f, room.p, room.w, table.shape[0]
+    q, v = start[0], start[1]
+    size, n = dimension(model.tag, model.parameters), inertia.shape[0]
+    gradients(model.tag, model.parameters, t, q, v, f[0], w)
+    for k in range(size):
+        w[k] = w[k] * inertia[k % n]
+        for i in range(s):
+            V[i, k] = v[k] + table[i, NODE] * (end[1, k] - v[k])
+    last = math.inf
+    for _sweep in range(SWEEPS):
+        for i in range(s):
+            for k in range(size):
+                way = 0.0
+                for j in range(s):
+                    way += table[i, MU + j] * (h * table[j, WEIGHT]) * V[j, k]
+                Q[i, k] = q[k] + way
+            gradients(model.tag, model.parameters, t + table[i, NODE] * h, Q[i], V[i], f[i], p[i])
+        change = reach = 0.0
+        for i in range(s):
+            for k in range(size):
+                kick = 0.0
+                for j in range(s):
+                    kick += table[i, MU + s + j] * (h * table[j, WEIGHT]) * f[j, k]
+                new = V[i, k] + (w[k] + (kick - p[i, k]) * inertia[k % n])
+                change, reach = max(change, abs(new - V[i, k])), max(reach, abs(new))
+                V[i, k] = new
+        if change <= FLOOR * reach or (change <= STALLED * reach and not change <= 0.5 * last):
+            return True
+        if change * 0.0 != 0.0:
+            return False
+        last = change
+    return False
+
+
+@kernel
+def write_blocks(curvature, some, inertia, blocks):
+    """Write the blocks of derivatives at a stage, (4, d, d)."""
+    square, d = curvature.shape[0] // 3, blocks.shape[1]
+    blocks[:] = 0.0
+    add_block(curvature, 0, some, inertia, blocks[QQ])
+    add_block(curvature, square, some, inertia, blocks[QV])
+    add_block(curvature, 2 * square, some, inertia, blocks[VV])
+    n, m = inertia.shape[0], some.shape[0]
+    for a in range(d):
+        blocks[VV, a, a] -= 1.0
+        i = some[a % m]
+        for b in range(d):  # the transpose of the mixed block, whose rows belong to q
+            row = square + (b // m * n + some[b % m]) * 3 * n
+            blocks[VQ, a, b] = curvature[row + a // m * n + i] * inertia[i]
+
+
+@kernel
+def advance(table, h, blocks, vectors, kicks, dQ, dW):
+    """Take a step of eight tangent vectors, (4, d, 8). Returns whether the iteration of the stages converges.
+
+    kicks : (2 s d, 8), L of all stages, then K
+    """
+    s, d = table.shape[0], blocks.shape[2]
+    q, q_lo, w, w_lo = vectors[0], vectors[1], vectors[2], vectors[3]
+    L, K = kicks[: s * d], kicks[s * d :]
+    last, settled = full(math.inf), False
+    for _sweep in range(SWEEPS):
+        change, size, moved, way = full(0.0), full(0.0), full(0.0), full(0.0)  # of L, and of K
+        for i in range(s):
+            hb = h * table[i, WEIGHT]
+            for a in range(d):
+                x, y = load(q_lo, a), load(w_lo, a)
+                for j in range(s):
+                    x = x + table[i, MU + j] * load(K, j * d + a)
+                    y = y + table[i, MU + s + j] * load(L, j * d + a)
+                store(dQ, a, load(q, a) + x)
+                store(dW, a, load(w, a) + y)
+            for a in range(d):
+                x = load(dW, a)
+                for b in range(d):
+                    x = x - blocks[i, VQ, a, b] * load(dQ, b)
+                    x = x - blocks[i, VV, a, b] * (load(K, i * d + b) * (1.0 / hb))
+                moved, way = maximum(moved, abs(hb * x - load(K, i * d + a))), maximum(way, abs(hb * x))
+                store(K, i * d + a, hb * x)
+            for a in range(d):
+                pull = full(0.0)
+                for b in range(d):
+                    pull = pull + blocks[i, QQ, a, b] * load(dQ, b)
+                    pull = pull + blocks[i, QV, a, b] * (load(K, i * d + b) * (1.0 / hb))
+                new = hb * pull
+                change, size = maximum(change, abs(new - load(L, i * d + a))), maximum(size, abs(new))
+                store(L, i * d + a, new)
+        off = maximum(
+            select(size > 0.0, change / size, full(0.0)), select(way > 0.0, moved / way, full(0.0))
+        )
+        if not any_lane((off > FLOOR) * (1.0 - (off <= STALLED) * (off > 0.5 * last))):
+            settled = True
+            break
+        last = off
+    for a in range(d):
+        kick, drift = full(0.0), full(0.0)
+        for i in range(s):
+            kick, drift = kick + load(L, i * d + a), drift + load(K, i * d + a)
+        x, x_lo = accumulate(load(q, a), load(q_lo, a), drift)
+        y, y_lo = accumulate(load(w, a), load(w_lo, a), kick)
+        store(q, a, x)
+        store(q_lo, a, x_lo)
+        store(w, a, y)
+        store(w_lo, a, y_lo)
+    return settled

@@ -1,0 +1,1 @@
+"""Clocks: when the steps of a run are."""

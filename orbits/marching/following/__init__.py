@@ -1,0 +1,1 @@
+"""Massless particles in the field of the massive bodies."""

@@ -1,0 +1,331 @@
+"""Massless particles with clocks of their own, among massive bodies whose steps are chosen one by one.
+
+A particle takes a step of the bodies as a whole, through their recorded stages, if that resolves its own motion.
+Otherwise it covers the step by steps of its own, in the positions of the bodies that the polynomial through their
+forces gives, and meets them again at the end of their step. It never affects the bodies or another particle.
+
+A step of a particle is judged as one of the bodies is (see `orbits.marching.clocks.adaptive`), and by the passages in
+it: the way relative to a body must not exceed `PASSAGE` times the distance from it. What a fast passage of a light body
+does to the forces may hide between the stages; how fast it is cannot. The next step is as long as the last one in units
+of the dynamical time S^(-1/2), S = sum_j GM_j / r_j^3, whose values at the stages cost nothing, times the factor by
+which the error signal allows it to grow.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from orbits.integrators.canonical.room import padded_length
+from orbits.integrators.collocation.lengths import CANCELLED
+from orbits.integrators.collocation.rows import LAST, NODES, WEIGHTS
+from orbits.kernels.binding import bodies, gross_field, rate_at
+from orbits.kernels.clocks import Clock
+from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
+from orbits.kernels.search.context import watch_at
+from orbits.kernels.search.observers import call_observer
+from orbits.kernels.search.paths import record_one, record_particle
+from orbits.kernels.state import Columns, load_particle, store_particle
+from orbits.kernels.steps import (
+    NOT_FINITE,
+    OK,
+    TOO_SHORT,
+    Method,
+    Model,
+    Share,
+    Storage,
+    end_late,
+    prepare,
+    step_particles,
+)
+from orbits.marching.clocks.adaptive import (
+    ATTEMPTS,
+    CAUTION,
+    FIRST_THETA,
+    GROWTH,
+    LEAST,
+    MOST,
+    POWER,
+    REFUSED,
+    TOLERANCE,
+    root,
+)
+from orbits.marching.clocks.variable_steps import FARTHEST, ORIGIN
+from orbits.marching.following.bodies_between import PLACES, Field, length_of, place_bodies, time_of
+from orbits.marching.following.own_steps_log import (
+    ENTRIES,
+    FEW,
+    WANTED,
+    Log,
+    begin_log,
+    finish_log,
+    finish_log_of_lost,
+    log_state,
+)
+
+BEFORE, NEXT, REACHED = 0, 1, 2
+"""The clock of a particle: the length of its last step (0: none), the length proposed for the next one, > 0 (0: none),
+and the time of its state since the start of the run, if it could not be stepped to the end of a step of the bodies.
+"""
+
+COLUMNS = 4
+
+PASSAGE = 1.0
+"""The longest way in a step relative to a body, as a fraction of the distance from it: the attraction in a straight
+passage is then integrated by eight nodes to 1e-10 of itself."""
+
+STRETCH = 1.15
+"""By how much a step may be longer than proposed, so that fewer of them cover one of the bodies: the error signal is
+then at most 2.7 times the tolerance, which would not repeat the step."""
+
+NOISE = 1e-13
+"""What rounding errors of positions may leave in the error signal, as a fraction of attractions that cancel."""
+
+MOST_PARTS = 100_000_000
+"""The most steps that a particle takes within one of the bodies: a minute."""
+
+SHORTEST = 2.0**-52
+"""A step shorter than this fraction of the time since the start counts as zero, except a whole step of the bodies: up
+to a sample that is the next number after the end of a step. (Their step may be longer than one by any factor.)"""
+
+RATES = 9
+"""The row of the scratch of a particle's step that has S at its stages; see
+`orbits.integrators.collocation.form.pull`.
+"""
+
+
+class Shared(NamedTuple):
+    """What particles need of whole steps of the bodies, which most of them take.
+
+    coefficients : (steps, rows, 8), for a step after one of `before`, (steps,): 0 if they are not known
+    ends : (steps + 1, 6, n + padding), x, y and z of the bodies at the first and at the last stage; the last ones are
+        those of a particle's own step. The padding is `ABSENT`
+    """
+
+    coefficients: Any
+    before: Any
+    ends: Any
+
+
+ABSENT, TINY = 1e150, 1e-300
+
+
+@kernel(inline=True)
+def first_length(method, model, field, k, particle):
+    """Return the length of the first step of a particle, from its dynamical time at the beginning of step k."""
+    stride = padded_length(3 * bodies(model.tag, model.parameters))
+    sources = field.path[2 * k * stride : (2 * k + 1) * stride]
+    rate = rate_at(model.tag, model.parameters, sources, (particle.x, particle.y, particle.z))
+    return min(FIRST_THETA / math.sqrt(rate), FARTHEST) if rate > 0.0 else FARTHEST
+
+
+@kernel(inline=True)
+def copy_ends(n, sources, ends):
+    """Copy the positions of the bodies at the first and the last stage, so that bodies are in lanes."""
+    for j in range(n):
+        ends[0, j], ends[1, j], ends[2, j] = sources[j, 0], sources[n + j, 0], sources[2 * n + j, 0]
+        ends[3, j], ends[4, j] = sources[j, WIDTH - 1], sources[n + j, WIDTH - 1]
+        ends[5, j] = sources[2 * n + j, WIDTH - 1]
+
+
+@kernel(inline=True)
+def narrowest(n, ends, scratch, reaches):
+    """Return the largest of (way / distance)^2 relative to the bodies in the step just taken, from its first and last
+    stage, and whether a body is so close that its passage is recorded.
+
+    reaches : see `orbits.kernels.search.context`; empty if passages are not recorded
+    """
+    Q, last = scratch[3:], WIDTH - 1
+    worst = near = full(0.0)
+    for first in range(0, n, WIDTH):
+        x, y, z = load(ends[0], first) - Q[0, 0], load(ends[1], first) - Q[1, 0], load(ends[2], first) - Q[2, 0]
+        u, v = load(ends[3], first) - Q[0, last] - x, load(ends[4], first) - Q[1, last] - y
+        w = load(ends[5], first) - Q[2, last] - z
+        way2 = u * u + v * v + w * w
+        # The point of the straight line between the two that is nearest.
+        s = minimum(maximum(-(x * u + y * v + z * w) / maximum(way2, full(TINY)), full(0.0)), full(1.0))
+        x, y, z = x + s * u, y + s * v, z + s * w
+        distance2 = x * x + y * y + z * z
+        worst = maximum(way2 / distance2, worst)
+        if reaches.shape[0] > 0:
+            reach = load(reaches, first)
+            near = near + (distance2 <= reach * reach)
+    return largest(worst), any_lane(near)
+
+
+@kernel(inline=True)
+def judged(method, model, clock, h, storage, ends, reaches):
+    """Return the factor by which the next step may be longer than the one of h just taken, or by which it must be
+    repeated (see `orbits.marching.clocks.adaptive`), and whether a body is near.
+    """
+    table, tolerance, power = method.coefficients[0], clock.numbers[TOLERANCE], clock.numbers[POWER]
+    last, weights = load(table, LAST), load(table, WEIGHTS)
+    inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
+    x, y, z = load(storage.carry, 0), load(storage.carry, 1), load(storage.carry, 2)
+    rest = max(abs(total(last * x)), max(abs(total(last * y)), abs(total(last * z))))
+    most = largest(inverse * maximum(abs(x), maximum(abs(y), abs(z))))
+    if rest > tolerance * most:
+        Q = storage.scratch[3:]
+        pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
+        most = max(most, max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls))
+    factor = MOST if rest == 0.0 else min(max(root(tolerance * most / rest, power), LEAST), MOST)
+    passed, near = narrowest(bodies(model.tag, model.parameters), ends, storage.scratch, reaches)
+    if factor * factor * passed > PASSAGE * PASSAGE:
+        factor = max(PASSAGE / math.sqrt(passed), LEAST)
+    return factor, near
+
+
+@kernel(inline=True)
+def proposed(h, factor, nodes, rates, stages):
+    """Return the length proposed for the step after one of h with these rates at its stages."""
+    end, before, grown = rates[stages - 1], rates[stages - 2], min(factor, GROWTH)
+    middle = 0.5 * (rates[(stages - 1) // 2] + rates[stages // 2])
+    if not (end > 0.0 and before > 0.0 and middle > 0.0):
+        return min(abs(h) * grown, FARTHEST)
+    # S in the middle of the next step, by the slope of its logarithm at the end of this one.
+    ratio = math.sqrt(middle / end)
+    slope = (end - before) / (end * (nodes[stages - 1] - nodes[stages - 2]))
+    ahead = 1.0 - nodes[stages - 1] + 0.5 * grown * min(max(ratio, LEAST), MOST)
+    half = 0.5 * min(max(-0.5 * slope * ahead, -1.0), 1.0)
+    return min(abs(h) * grown * ratio * (1.0 + half) / (1.0 - half), FARTHEST)  # almost exp(2 half)
+
+
+@kernel(inline=True)
+def follow(method, model, clock, field, shared, k, p, particle, own, storage, log):
+    """Take particle p through step k of the bodies.
+
+    shared : the tables of whole steps; own : (4,), its clock; storage : with its L as the carry, and scratch
+    log : receives its state at the beginning and, if it takes several steps in an encounter, after each of them
+    Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
+    """
+    H, origin, begun = length_of(field, k), field.origin + field.times[k], time_of(field, k)
+    table, carry, scratch, share = method.coefficients[0], storage.carry, storage.scratch, storage.share
+    nodes, stages = load(table, NODES), 0
+    while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
+        stages += 1
+    if own[NEXT] == 0.0:
+        own[NEXT] = first_length(method, model, field, k, particle)
+    done, steps, evaluations, proposal = 0.0, 0, 0, own[NEXT]
+    log_state(method, model, field, log, p, k, 0.0, particle)
+    begin, wanted, reaches, n = log.counts[ENTRIES], False, shared.before[:0], bodies(model.tag, model.parameters)
+    if log.context != 0:
+        watch = watch_at(log.context)
+        reaches, wanted = log.reaches, watch.then != 0 or watch.collide != 0 or watch.dominant < 0
+    while steps < MOST_PARTS:
+        left, status, taken = H - done, TOO_SHORT, False
+        x_kept, y_kept, z_kept = load(carry, 0), load(carry, 1), load(carry, 2)
+        for _ in range(ATTEMPTS):
+            parts = max(math.ceil(abs(left) / (STRETCH * proposal)), 1.0)
+            h = left if parts == 1.0 else (done + left / parts) - done  # the lengths add up to H
+            whole = done == 0.0 and parts == 1.0
+            if not whole and not abs(h) > SHORTEST * abs(origin + done):
+                break
+            before = own[BEFORE] if own[BEFORE] != 0.0 else h
+            if whole:
+                sources, coefficients, ends = field.stages[k], shared.coefficients[k : k + 1], shared.ends[k]
+                if shared.before[k] == 0.0:
+                    copy_ends(n, sources, ends)
+            else:
+                sources, coefficients = field.room[PLACES : PLACES + field.stages.shape[1]], method.coefficients
+                place_bodies(method, model, field, k, (done + nodes * h) / H, done / H, (done + h) / H)
+                ends = shared.ends[shared.before.shape[0]]
+                copy_ends(n, sources, ends)
+            mine, now = Method(method.tag, coefficients), Storage(carry, scratch, sources, share)
+            if not whole:
+                prepare(mine, h, before, now)
+            elif shared.before[k] != before:
+                prepare(mine, h, before, now)
+                shared.before[k] = before
+            end = time_of(field, k + 1) if parts == 1.0 else begun + (done + h)
+            end_late(mine, end - ((begun + done) + h))
+            after, _, status, count = step_particles(mine, model, begun + done, h, particle, carry, now)
+            evaluations += count
+            factor = 0.5 / CAUTION
+            if status == OK:
+                factor, near = judged(method, model, clock, h, now, ends, reaches)
+                if factor >= REFUSED:
+                    particle, taken = after, True
+                    proposal = proposed(h, factor, table[NODES], scratch[RATES], stages)
+                    own[BEFORE], own[NEXT] = h, proposal
+                    wanted |= near
+                    break
+            proposal = CAUTION * factor * abs(h)
+            store(carry, 0, x_kept)
+            store(carry, 1, y_kept)
+            store(carry, 2, z_kept)
+        if not taken:
+            own[REACHED] = origin + done
+            return particle, NOT_FINITE if status == NOT_FINITE else TOO_SHORT, evaluations
+        steps += 1
+        if parts == 1.0:
+            if steps > 1 and (wanted or steps >= FEW):
+                log.counts[WANTED] = 1
+            elif steps > 1:
+                log.counts[ENTRIES] = min(begin, log.counts[ENTRIES])
+            return particle, OK, evaluations
+        done += h
+        log_state(method, model, field, log, p, k, done / H, particle)
+    own[REACHED] = origin + done
+    return particle, TOO_SHORT, evaluations
+
+
+@kernel
+def march_own_clocks(
+    form, coefficients, tag, parameters, timing, numbers, times, q, q_lo, v, v_lo, carry, clocks, scratch, stages,
+    retired, path, kicks, chart, modes, known, room, tables, before, ends, steps, start, stop, observer, context, track,
+    own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen
+):  # fmt: skip
+    """March massless particles start ... stop - 1 through `steps` steps of massive bodies, each by a clock of its own.
+
+    coefficients, scratch, modes, known, room, tables, before, ends : of this task alone; see `Field` and `Shared`
+    q, q_lo, v, v_lo : (3, padded); carry : (particles, 3, 8); clocks : (particles, 4), see `BEFORE`
+    retired : (padded, 2) int64, see `orbits.marching.stepping.driver.march_particles`
+    times, stages, path, kicks, chart : see `Field`
+    observer, context, track : see `orbits.kernels.search.observers`; own_context and what follows : see `Log`
+
+    Returns the number of evaluations.
+    """
+    method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
+    clock, shared = Clock(timing, numbers, times), Shared(tables, before, ends)
+    field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
+    log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen, path)
+    evaluations = 0
+    begin_log(log, steps)
+    for k in range(steps):
+        known[k], before[k] = False, 0.0
+    for p in range(start, stop):
+        lane, done, particle = p % WIDTH, 0, load_particle(columns, p)
+        if retired[p, 0] != OK:
+            for k in range(steps + 1):
+                record_one(track, k, lane, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
+        else:
+            storage = Storage(carry[p], scratch, stages[0], Share(p, p + 1, None))
+            while done < steps:
+                record_particle(track, done, lane, particle)
+                particle, status, count = follow(
+                    method, model, clock, field, shared, done, p, particle, clocks[p], storage, log
+                )
+                evaluations += count
+                if status != OK:
+                    retired[p, 0], retired[p, 1] = status, done
+                    break
+                done += 1
+            for k in range(done, steps + 1):
+                record_particle(track, k, lane, particle)
+            if done == steps:
+                finish_log(method, model, field, log, p, steps, particle, track)
+            else:
+                finish_log_of_lost(method, model, field, log, p, steps, track)
+            store_particle(columns, p, particle)
+        if lane == WIDTH - 1 or p == stop - 1:
+            call_observer(observer, context, track, times[1] - times[0], steps, p - lane, stop)
+            if context != 0:
+                watch, group = watch_at(context), (p - lane) // WIDTH
+                watch.hits[group] = min(watch.hits[group], found[0])
+                if watch.collide != 0:
+                    for k in range(p - lane, p + 1):
+                        if watch.touched_own[k] != 0:
+                            watch.touched[k] = min(watch.touched[k], watch.touched_own[k])
+            found[0] = steps + 1
+    return evaluations

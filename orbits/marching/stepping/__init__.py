@@ -1,0 +1,1 @@
+"""The compiled loops over steps, and the memory that they use."""

@@ -1,0 +1,391 @@
+"""The compiled loops bound to a problem, with the memory that they use: they march a state by a block of steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from concurrent.futures import Future, wait
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.integrators.forms import Array, Form, coefficients_of, padded
+from orbits.kernels.binding import Tag
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.steps import NOWHERE
+from orbits.lagrangians.newtonian import newtonian
+from orbits.marching.clocks import variable_steps
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Clock, ConstantSteps
+from orbits.marching.following.excursion_rules import HandOver, OwnSteps
+from orbits.marching.following.own_clocks import COLUMNS, march_own_clocks
+from orbits.marching.following.own_memory import OwnClocks
+from orbits.marching.following.particle_excursions import MORE_ROWS
+from orbits.marching.stepping import driver
+from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.computed_block import Ready
+from orbits.marching.stepping.parallel import Parallel, shares
+from orbits.marching.stepping.pool import Pool
+from orbits.marching.watching.watcher import Watcher
+
+STAGES_BYTES = 512 * 1024
+"""Size of the recorded stages and of the states of eight particles: they should stay in the second-level cache."""
+
+PATH_BYTES = 4 * 1024 * 1024
+"""Size of the recorded states of massive bodies without particles, which are written once and read sparsely."""
+
+LEAST_BLOCK = 16
+"""The fewest steps per kernel call, for any number of bodies: the search for close approaches examines its ends."""
+
+BLOCK_WORK = 20_000_000
+"""The pairs times steps per kernel call: a fraction of a second, after which signals are handled."""
+
+
+class BoundLoops:
+    """What marches a block of steps of n massive bodies and m massless particles.
+
+    form : of the method; tag, vectors : of what acts on the bodies, and its parameters
+    clock : of the march
+    threads : how many threads particles, and thousands of massive bodies, may use
+    dense : whether the carry after each step is recorded, for the dense output of methods with a polynomial, whose
+        kicks it holds, and of those that march other variables than those seen
+    followed : the passages in which massless particles take steps of their own, of a map that cannot follow them
+
+    steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
+    state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
+    ready : the next block, if it was computed along with those of other systems
+    observed : whether the block marched last was, and closest approaches have been looked for in it
+    """
+
+    def __init__(
+        self,
+        form: Form,
+        tag: Tag,
+        vectors: Any,
+        clock: Clock,
+        n: int,
+        m: int,
+        threads: int,
+        dense: bool = False,
+        followed: OwnSteps | None = None,
+    ) -> None:
+        self._form, self._tag, self._vectors = form, tag, vectors
+        # Coefficients of steps of different lengths are written before each step, others made for each length.
+        self._usual = coefficients_of(form, 1.0).copy() if clock.changes else coefficients_of(form, clock.h)
+        self._clock, self._other = clock, (clock, self._usual)
+        shape = form.stages_shape(3 * n)
+        least = 1 if m else LEAST_BLOCK
+        room = PATH_BYTES // (16 * padded(3 * n))
+        if m:
+            room = STAGES_BYTES // (8 * form.stages_read(3 * n) + 48 * WIDTH)
+        self.steps = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
+        self.tasks = shares(m, threads)
+        vector, columns, scratch = (padded(3 * n),), (3, padded(m)), form.scratch_shape(3 * n)
+        shapes: dict[str, tuple[int, ...]] = {
+            "q": vector,
+            "q_lo": vector,
+            "v": vector,
+            "v_lo": vector,
+            "memory": (form.carry_rows(3 * n), WIDTH),
+            "particle_q": columns,
+            "particle_q_lo": columns,
+            "particle_v": columns,
+            "particle_v_lo": columns,
+            "particle_memory": (m, form.particle_carry_rows + (MORE_ROWS if followed else 0), WIDTH),
+        }
+        own = bool(m) and clock.changes
+        if own:
+            shapes["particle_clock"] = (m, COLUMNS)
+        self._stages, self._scratch, *arrays = aligned(
+            (self.steps if m else 1, *shape), scratch, *shapes.values(), *(scratch for _ in self.tasks)
+        )
+        self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=False))
+        self._task_scratch = arrays[len(shapes) :]
+        rows = 12 * (self.steps + 1) if m else 0
+        self.tracks = aligned(*[(rows, WIDTH)] * max(1, len(self.tasks)))
+        changed = ("q", "q_lo", "v", "v_lo", "memory")
+        self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
+        many = Parallel.serves(form, tag, n)
+        self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
+        self.parallel = Parallel(n, threads, self._pool) if many else None
+        recorded = own or followed is not None or (dense and (form.is_dense or form.transforms))
+        self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
+        self._n = n
+        self._copies: tuple[Array, ...] | None = None
+        self._own_clocks = [OwnClocks(form, self._usual, n, self.steps) for _ in self.tasks] if own else []
+        self._hand_over = None
+        if followed is not None and m:
+            self._hand_over = HandOver(form, followed, n, self.steps, len(self.tasks))
+        self._begun = aligned(self.state["memory"].shape)[0]
+        self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
+        self._of_copies: tuple[Array, Array] | None = None
+        self._march = driver.march if self.parallel is None else self.parallel.march
+        self.ready: Ready | None = None
+        self.observed = False
+
+    @property
+    def kind(self) -> tuple[Any, ...]:
+        """What is compiled for it: the same for those that need the same."""
+        alone = bool(self.tasks), self.parallel is None, self._hand_over is not None
+        return self._form.tag.name, self._tag.name, *alone
+
+    @property
+    def form(self) -> Form:
+        """The form of the method."""
+        return self._form
+
+    @property
+    def bodies(self) -> int:
+        """The number of massive bodies."""
+        return self._n
+
+    @property
+    def coefficients(self) -> Any:
+        """The coefficients of whole steps."""
+        return self._usual
+
+    def kind_in_lanes(self) -> Hashable | None:
+        """What marches have in common whose blocks can be computed together, in lanes; None for one alone."""
+        plain = self._tag is newtonian.tag and isinstance(self._clock, ConstantSteps)
+        if not plain or self.tasks or self.kicks.size or self.parallel is not None:
+            return None
+        return None if self._form.lanes_of_systems(3 * self._n) is None else (self._form, self._clock, self._n)
+
+    def begin(self, q: Array, v: Array, massive: NDArray[np.intp], particles: NDArray[np.intp]) -> None:
+        """Write the initial state; q, v : (n + m, 3), with the numbers of the massive bodies and of the particles."""
+        n, m = len(massive), len(particles)
+        for name, x in (("q", q), ("v", v)):
+            self.state[name][: 3 * n] = x[massive].T.ravel()
+            self.state[f"particle_{name}"][...] = NOWHERE
+            if m:
+                self.state[f"particle_{name}"][:, :m] = x[particles].T
+
+    def lengths(self, count: int) -> Array:
+        """Return the lengths of the `count` steps of the last block."""
+        if not self._clock.changes:
+            return np.full(count, self._clock.h)
+        if isinstance(self._clock, Adaptive):  # not rounded as differences of the times
+            return self.times[self.steps + 1 : self.steps + 1 + count]
+        return np.diff(self.times[: count + 1])
+
+    def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
+        """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
+        coefficients = self._usual
+        if clock != self._clock:  # a partial step
+            if clock != self._other[0]:
+                self._other = clock, coefficients_of(self._form, clock.h)
+            coefficients = self._other[1]
+        return self._form.tag, coefficients, self._tag, self._vectors, clock.timing, now, self.times
+
+    def is_ready(self, state: dict[str, Array], count: int) -> bool:
+        """Return whether the next block, of `count` steps of this state, is already computed, with its path."""
+        return self.ready is not None and self._fits(self.ready, state, count)
+
+    def _fits(self, ready: Ready, state: dict[str, Array], count: int) -> bool:
+        return state is self.state and count == ready.count
+
+    def march(
+        self,
+        state: dict[str, Array],
+        bound: tuple[Any, ...],
+        path: Array,
+        count: int,
+        watched: tuple[int, int] = (0, 0),
+    ) -> tuple[int, ...]:
+        """March the massive bodies by `count` steps, recorded in `path` unless it is empty.
+
+        watched : the observer of a trace, and its context
+
+        Returns (status, steps done, body, evaluations); see `orbits.marching.stepping.driver`.
+        """
+        ready, self.ready = self.ready, None
+        self.observed = False
+        if ready is not None and path.size and self._fits(ready, state, count):
+            self.observed = ready.observed
+            return ready.take(state)
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
+        if self._own_clocks or self._hand_over:
+            self._begun[...] = state["memory"]
+            if not path.size:  # but for its own particles
+                if self._of_copies is None:
+                    self._of_copies = np.zeros(2 * (self.steps + 1) * len(state["q"])), np.empty_like(self.kicks)
+                path, kicks = self._of_copies
+            self._record = path, kicks
+        room = (self._scratch, self._stages)
+        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count, *watched)
+        return status, done, body, evaluations
+
+    def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
+        """Compute what is marched with this clock from what is seen, for a form that `transforms`.
+
+        retired : see `Retired.block`; these particles are left alone
+        """
+        driver.enter_march(*self._transformation(state, clock))
+        self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
+
+    def leave(
+        self,
+        state: dict[str, Array],
+        clock: Clock,
+        retired: NDArray[np.int64] | None = None,
+        particles: NDArray[np.intp] | None = None,
+    ) -> None:
+        """Compute what is seen from what is marched with this clock, in a copy of a state that is not marched on.
+
+        particles : those of which it is wanted; all by default
+        """
+        self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
+        driver.leave_march(*self._transformation(state, clock))
+
+    def _transform_particles(
+        self,
+        kernel: Any,
+        state: dict[str, Array],
+        clock: Clock,
+        retired: NDArray[np.int64] | None,
+        some: NDArray[np.intp] | None = None,
+    ) -> None:
+        """Call `enter_march_of_particles` or `leave_march_of_particles` for all particles, in threads, or for some."""
+        bound = self.bound(clock, self.times)[:4]
+        bodies = [state[name] for name in ("q", "q_lo", "v", "v_lo")]
+        particles = [state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory")]
+        gone = np.zeros((particles[0].shape[1], 2), dtype=np.int64) if retired is None else retired
+
+        tasks = self.tasks
+        if some is not None:
+            count = state["particle_memory"].shape[0]
+            tasks = [(WIDTH * k, min(WIDTH * (k + 1), count)) for k in sorted({int(p) // WIDTH for p in some})]
+
+        def share(task: int) -> int:
+            room = aligned(state["memory"].shape, self._scratch.shape, self._stages.shape[1:], (2 * WIDTH, WIDTH))
+            room[0][...] = state["memory"]
+            kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], *tasks[task])
+            return 0
+
+        if some is None:
+            self._in_tasks(share)
+        else:
+            for task in range(len(tasks)):
+                share(task)
+
+    def seen(self, begun: Array, count: int) -> Array:
+        """Return q and v as they are seen before the first of the `count` steps of the last block and after each, for a
+        form that `transforms` and a march with `dense`: (count + 1, 2, padded); begun : the carry before the first.
+        """
+        width = len(self.state["q"])
+        room, carry = aligned((4, width), begun.shape)
+        path = np.zeros((count + 1, 2, width))
+        bound, room_for_steps = self.bound(self._clock, self.times)[:4], (carry, self._scratch, self._stages)
+        driver.leave_each(*bound, self._clock.h, begun, self.kicks[:count], room, *room_for_steps, path)
+        return path
+
+    def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        return *self.bound(clock, self.times)[:4], clock.h, *vectors, self._scratch, self._stages
+
+    def march_to_each(self, state: dict[str, Array], bound: tuple[Any, ...], limits: Array) -> Array:
+        """March copies of the state of massive bodies to each of these times, by steps that the clock chooses.
+
+        Returns q and v at those before the first that cannot be reached, (m, 2, 3 n).
+        """
+        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
+        if self._copies is None:
+            copies = aligned((4, len(state["q"])), state["memory"].shape)
+            self._copies = np.zeros(len(state["clock"])), *copies
+        out = np.empty((len(limits), 2, 3 * self._n))
+        reached, _ = driver.march_to_each(
+            *bound, *vectors, self._scratch, self._stages, limits, variable_steps.LIMIT, *self._copies, out
+        )
+        return out[:reached]
+
+    def march_particles(
+        self,
+        state: dict[str, Array],
+        bound: tuple[Any, ...],
+        retired: NDArray[np.int64],
+        watcher: Watcher | None,
+        count: int,
+    ) -> int:
+        """March the massless particles through the `count` steps that the bodies have just taken; return how many
+        evaluations there were.
+
+        retired : see `Retired.block`; watcher : what observes them, or None
+        """
+        if self._own_clocks:
+            return self._march_own_clocks(state, bound, retired, watcher, count)
+        particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
+        observer = 0 if watcher is None else watcher.observer
+        if self._hand_over is not None and count:
+            self._hand_over.prepare(state, *self._record, bound, self._begun, watcher, count)
+
+        def share(task: int) -> int:
+            start, stop = self.tasks[task]
+            context = 0 if watcher is None else watcher.contexts.addresses[1 + task]
+            room = (self._task_scratch[task], self._stages, retired)
+            watched = (observer, context, self.tracks[task])
+            block = (*bound, *particles, *room, count, start, stop, *watched)
+            if self._hand_over is not None and count:
+                return self._hand_over.march(block, task, 0 if watcher is None else watcher.own_steps.addresses[task])
+            return int(driver.march_particles(*block))
+
+        return self._in_tasks(share)
+
+    def _march_own_clocks(
+        self,
+        state: dict[str, Array],
+        bound: tuple[Any, ...],
+        retired: NDArray[np.int64],
+        watcher: Watcher | None,
+        count: int,
+    ) -> int:
+        """As `march_particles`, for particles with clocks of their own."""
+        if not count:
+            return 0
+        particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"))
+        form, _, *model, times = bound
+        observer = 0 if watcher is None else watcher.observer
+        if watcher is not None:
+            watcher.follow_own_steps([task.arrays for task in self._own_clocks])
+
+        def share(task: int) -> int:
+            start, stop = self.tasks[task]
+            mine, addresses = self._own_clocks[task], (0, 0)
+            if watcher is not None:
+                addresses = watcher.contexts.addresses[1 + task], watcher.own_steps.addresses[task]
+            room = (self._task_scratch[task], self._stages, retired, *self._record, *mine.field, *mine.shared)
+            watched = (observer, addresses[0], self.tracks[task], addresses[1], *mine.log)
+            which = (count, start, stop)
+            return int(march_own_clocks(form, mine.table, *model, times, *particles, *room, *which, *watched))
+
+        return self._in_tasks(share)
+
+    def _in_tasks(self, share: Callable[[int], int]) -> int:
+        """Call a function with the number of each task, in threads; return the sum of its results."""
+        if self._pool is None:
+            return sum(map(share, range(len(self.tasks))))
+        running: list[Future[int]] = []
+        try:
+            for task in range(len(self.tasks)):
+                running.append(self._pool.submit(share, task))
+        finally:
+            wait(running)  # also after an interrupt: the arrays may be used only afterwards
+        return sum(future.result() for future in running)
+
+    def close(self) -> None:
+        """Release the threads; what is still asked for is computed by the caller's."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+
+def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) -> tuple[Array, float]:
+    """Return what compiled code needs to know of a clock, and the length of its steps, or about that.
+
+    start, steps : of clocks of constant steps, the time at which they began and how many were taken since
+    """
+    if isinstance(clock, ConstantSteps):
+        return clock.numbers(start, steps), clock.h
+    now = state["clock"]
+    now[variable_steps.ORIGIN] = now[variable_steps.TIME]
+    return now, float(now[variable_steps.LENGTH] or clock.direction)

@@ -1,0 +1,1 @@
+"""Tangent vectors that follow a march."""

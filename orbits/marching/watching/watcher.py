@@ -1,0 +1,407 @@
+"""The observers of a march: closest approaches, and what may end it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.integrators.forms import Array, padded
+from orbits.integrators.maps.dominant import DOMINANT
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.maps.interaction import STATE_ROWS
+from orbits.kernels.search import collisions
+from orbits.kernels.search.approaches import follow_bodies, follow_particles, search
+from orbits.kernels.search.approaches_of_planets import BODY, SHARE, SHOWN, follow_planets, show_trace
+from orbits.kernels.search.apsides import OPEN, apsides_of
+from orbits.kernels.search.context import Contexts
+from orbits.kernels.search.observers import ENTER, SEARCH, observe, observer_address
+from orbits.kernels.search.record import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
+from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
+from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.driver import TRACED
+from orbits.marching.watching.kepler_passages import HILL_RADII
+from orbits.marching.watching.passage_list import BlockList
+
+TOUCHED, ENERGY, SUSPECT = -2, -1, 0
+"""Why a march stops: two bodies may have touched; the energy error is above its bound; a pair may come to its bound."""
+
+SHARE_OF_ORBIT = 0.05
+"""The reach of a body: within it every flyby is listed; outside it, flybys of massless particles are not recorded. It
+is `HILL_RADII`, or a fraction of the distance between the body and the dominant one, whichever is larger."""
+
+PASSAGE_ANGLE_PER_ORDER, LEAST_PASSAGE_ANGLE, LARGEST_PASSAGE_ANGLE = 0.05, 0.1, 0.8
+"""The angle of a step above which passages are listed at any distance, per order of the method, and its bounds: 0.8 for
+Gauss with 8 stages, at which a flyby of the Earth causes an error of 1 m in a year, and 0.1 for orders up to 2."""
+
+PERICENTRE_ANGLE_RATIO = 0.65
+"""The factor by which each order below 16 reduces the angle of a step above which pericentres of eccentric orbits about
+the dominant body are listed: 0.8 for Gauss with 8 stages, 0.002 for methods of order 2."""
+
+USUAL = 30.0
+"""The largest ratio of the error at a pericentre to that on a circle at which it does not count as a passage."""
+
+
+if TYPE_CHECKING:
+    from orbits.marching.stepping.parallel import Parallel
+
+
+def thresholds(order: int) -> tuple[float, float, float]:
+    """Return the limits that `orbits.kernels.search.context` calls `passage_angle`, `least_eccentricity` and
+    `pericentre_angle`, for a method of this order.
+    """
+    passage_angle = min(max(PASSAGE_ANGLE_PER_ORDER * order, LEAST_PASSAGE_ANGLE), LARGEST_PASSAGE_ANGLE)
+    pericentre_angle = LARGEST_PASSAGE_ANGLE * PERICENTRE_ANGLE_RATIO ** max(16 - order, 0)
+    return passage_angle, _least_eccentricity(order), pericentre_angle
+
+
+@lru_cache(maxsize=64)
+def _least_eccentricity(order: int) -> float:
+    """Return the eccentricity at which (speed / distance)^order at the pericentre is `USUAL` times that of the circle
+    with the same period.
+    """
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        e = 0.5 * (low + high)
+        low, high = (e, high) if math.sqrt(1.0 + e) / (1.0 - e) ** 1.5 < USUAL ** (1.0 / order) else (low, e)
+    return low
+
+
+def empty_record(rows: int) -> Array:
+    """Return an empty record of closest approaches, for massive bodies and particles together."""
+    record = np.zeros((QUANTITIES, 2, padded(rows)))
+    record[0] = np.inf
+    return record
+
+
+class Watcher:
+    """What may end the march of one bound system, and its closest approaches.
+
+    parameters : vector of the Lagrangian's kernels; gm from its second element on
+    massive, particles : indices of the bodies in the order of the caller
+    q, v : vectors of the massive bodies at the start
+    stops, energy_bound, radii : see `Marcher`
+    passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.search.context`
+    tasks : the number of tasks that march particles at the same time
+    on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
+    trace_rows : see `Form.trace_rows`
+    order : of the method, for what is looked for between the ends of steps
+    whole_path : whether all states of a block are needed in its path, also of a block that is recorded in a trace
+
+    contexts, lists : of the massive bodies, then of each task
+    given : whether the motion of all massive bodies is given: approaches among these are not looked for
+    """
+
+    def __init__(
+        self,
+        parameters: Array,
+        massive: NDArray[np.intp],
+        particles: NDArray[np.intp],
+        q: Array,
+        v: Array,
+        stops: Array | None,
+        energy_bound: float | None,
+        passage_angle: float,
+        least_eccentricity: float,
+        pericentre_angle: float,
+        times: Array,
+        tasks: int = 0,
+        radii: Array | None = None,
+        on_kepler_orbits: bool = False,
+        trace_rows: int = 0,
+        whole_path: bool = False,
+        order: int = 8,
+    ) -> None:
+        self._parameters, self._stride, self.given = parameters, len(q), False
+        self._path = np.empty(0)
+        self._massive, self._particles = massive, particles
+        self._rows = np.concatenate([massive, particles])
+        self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
+        self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
+        self._collide = radii is not None
+        self.dominant = self._dominant_body()
+        self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
+        self._trace_rows, self._of_trace = trace_rows, 0
+        few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
+        self._planets = trace_rows > 0 and few and self.dominant == 0 and not whole_path
+        (self._trace,) = aligned(((TRACED + 1) * trace_rows * WIDTH,))
+        of_bodies = slice(0, 3 * len(massive))
+        self._annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
+        self.listed_within = np.zeros(padded(len(massive)))
+        if self.dominant >= 0:
+            self.listed_within[: len(massive)] = self._annuli[:, REACH]
+        self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
+        self.lists = [BlockList.empty(listed) for listed in self._listed]
+        self.contexts = Contexts(1 + tasks)
+        self.contexts.enter(
+            stride=self._stride,
+            bodies=len(massive),
+            dominant=self.dominant,
+            mu=self._mu,
+            annuli=self._annuli,
+            reaches=self.listed_within,
+            hits=self._hits,
+            passage_angle=passage_angle,
+            least_eccentricity=least_eccentricity,
+            pericentre_angle=pericentre_angle,
+            times=times,
+            pace=1.0,
+        )
+        self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
+        self.contexts.enter_each("listed", [listed for _, listed in self.lists])
+        if len(self._stops):
+            self.contexts.enter(stops=self._stops)
+        if radii is not None:
+            within = np.full(padded(len(self._rows)), -np.inf)
+            within[: len(self._rows)] = radii[self._rows]
+            self._touched = np.zeros(len(particles) + 1, dtype=np.int64)
+            self._touched_own = np.zeros(len(particles), dtype=np.int64)
+            rough = collisions.roughness(order)
+            self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
+            self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
+        self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
+        self._energy_bound, self._energy = energy_bound, 0.0
+        if energy_bound is not None:
+            self._set_state(0, q, v)
+            self._energy = path_energy(self.contexts.addresses[0], parameters, 0)
+
+    @cached_property
+    def own_steps(self) -> Contexts:
+        """The contexts of tasks for particles that take steps of their own."""
+        return Contexts(len(self._listed) - 1)
+
+    @property
+    def observer(self) -> int:
+        """The address of the observer that a task calls after each block with its context and the states of eight
+        particles.
+        """
+        if not self._observer:
+            self._observer = observer_address(follow_particles)
+        return self._observer
+
+    def begin(self, record: Array, first: int, origin: float = 0.0) -> None:
+        """Prepare for a block after `first` steps, at the time `origin`, with this `record` and empty lists."""
+        if not self._compiled:
+            self._compile()
+        self.contexts.enter(record=record, first=first, origin=origin)
+        self._listed[:] = 0
+        if self._collide:
+            self._touched_own[:] = 0
+
+    def _compile(self) -> None:
+        """Compile, or load from the cache, the kernels shared by the observers."""
+        self._find_suspect = observer_address(find_suspect) if len(self._stops) else 0
+        self._find_touch = observer_address(collisions.find_touch) if self._collide else 0
+        self.contexts.enter(
+            search=observer_address(search, SEARCH),
+            enter=observer_address(enter_passage, ENTER),
+            then=self._find_suspect,
+            collide=self._find_touch,
+        )
+        self._compiled = True
+
+    def path(self, steps: int) -> Array:
+        """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
+        size = 2 * (steps + 1 + SHOWN) * self._stride
+        if len(self._path) < size:
+            self._path = np.zeros(size)
+            self.contexts.enter(path=self._path)
+        return self._path
+
+    def of_trace(self, record: Array, first: int, steps: int, carry: Array) -> tuple[Array, tuple[int, int]]:
+        """Prepare for a block of `steps` steps that is recorded in a trace, as `begin` does; return the trace, with its
+        observer and that one's context. Without a trace, return the path, and (0, 0).
+
+        carry : that of the march
+        """
+        path = self.path(steps)
+        if not self._trace_rows:
+            return path, (0, 0)
+        if not self._of_trace:
+            self._of_trace = observer_address(follow_planets if self._planets else show_trace)
+            self.contexts.enter(trace=self._trace)
+            self.number(carry)
+        self.begin(record, first)
+        return self._trace, (self._of_trace, self.contexts.addresses[0])
+
+    def number(self, carry: Array) -> None:
+        """Take over the order of the planets in the carry of a march that is recorded in a trace."""
+        if self._of_trace:
+            self.contexts.enter(lanes=self._numbered(carry))
+
+    def _numbered(self, carry: Array) -> Array:
+        """Return `lanes` of `orbits.kernels.search.context`."""
+        lanes, inside = np.zeros((2, WIDTH)), self._parameters[1 + self.dominant]
+        lanes[BODY] = carry[STATE_ROWS + 2]
+        for k, body in enumerate(lanes[BODY, : len(self._massive) - 1].astype(int)):
+            inside += self._parameters[1 + body]
+            lanes[SHARE, k] = self._parameters[1 + body] / inside
+        return lanes
+
+    def use_path(self, path: Array) -> None:
+        """Record blocks of steps in this array."""
+        self._path = path
+        self.contexts.enter(path=path)
+
+    @property
+    def looks_for_planets_alone(self) -> bool:
+        """Whether all that is observed are closest approaches of planets about the first body."""
+        return self._planets and not len(self._stops) and self._energy_bound is None and not self._collide
+
+    def recorded(self, steps: int) -> Array:
+        """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
+        return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
+
+    def follow(self, h: float, steps: int) -> None:
+        """Search for closest approaches among the massive bodies."""
+        follow_bodies(self.contexts.addresses[0], h, steps)
+
+    def _end_trace(self, h: float, steps: int, carry: Array) -> None:
+        """Observe the last steps of a block, which ended with this carry."""
+        rows, left = carry[[*range(STATE_ROWS // 2), STATE_ROWS]], steps - TRACED * ((steps - 1) // TRACED)
+        self._trace[left * rows.size : (left + 1) * rows.size] = rows.ravel()
+        observe(self._of_trace, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, left)
+
+    def look(
+        self, h: float, steps: int, q: Array, v: Array, carry: Array | None = None, parallel: Parallel | None = None
+    ) -> None:
+        """Observe the massive bodies in the block of `steps` steps just marched, which ended at q and v.
+
+        carry : that of the march, for a block that was recorded in a trace
+        parallel : searches for closest approaches with several threads, for thousands of bodies
+        """
+        self._set_state(steps, q, v)
+        if carry is not None:
+            self._end_trace(h, steps, carry)
+        if parallel is not None:
+            parallel.follow(self, h, steps)
+        elif (carry is None or not self._planets) and not self.given:
+            self.follow(h, steps)
+        for observer in (self._find_suspect, self._find_touch):
+            observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
+        if len(self._particles) and self.dominant >= 0:
+            n = len(self._massive)
+            positions = self.recorded(steps)[:, 0, : 3 * n].reshape(-1, 3, n)
+            distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
+            self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
+
+    @cached_property
+    def own_lists(self) -> list[BlockList]:
+        """The lists of passages that particles take by steps of their own among constant steps, of each task."""
+        counts = np.zeros((len(self.lists) - 1, 2), dtype=np.int64)
+        return [BlockList.empty(count) for count in counts]
+
+    def follow_own_steps(
+        self,
+        arrays: Sequence[Mapping[str, Array]],
+        among: tuple[int, float] | None = None,
+        surfaces: Array | None = None,
+    ) -> None:
+        """Prepare to observe particles at steps of their own; arrays : the path and the times of each task.
+
+        among : for those among constant steps, the number of these before the block, and their length. Passages are
+            then listed in lists of their own: those within the `surfaces` of bodies, (n,) radii
+        """
+        self.own_steps.follow(self.contexts, arrays)
+        if among is not None:
+            within, sharp = np.zeros_like(self.listed_within), math.inf
+            if surfaces is not None:
+                within[: len(surfaces)] = surfaces
+                sharp = 0.0 if surfaces[self.dominant] > 0.0 else math.inf
+            self.own_steps.enter(origin=float(among[0]), pace=1.0 / among[1], reaches=within, pericentre_angle=sharp)
+            self.own_steps.enter_each("passages", [passages for passages, _ in self.own_lists])
+            self.own_steps.enter_each("listed", [listed for _, listed in self.own_lists])
+            for _, listed in self.own_lists:
+                listed[:] = 0
+
+    def met(self, steps: int, pairs: bool = True) -> tuple[int, int] | None:
+        """Return the number of steps, of the `steps` just observed, after which the march stops, and why: `SUSPECT`
+        where a pair may come to its bound in the last of them, `ENERGY` where the error is above its bound, `TOUCHED`
+        where two bodies may have touched. None if it goes on.
+
+        pairs : whether to stop for pairs
+        """
+        found, why = steps + 1, SUSPECT
+        if not steps:
+            return None
+        if pairs and len(self._stops):
+            found = int(self._hits.min())
+        if self._energy_bound is not None:
+            bound = self._energy_bound * abs(self._energy)
+            step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self._energy, bound)
+            if step < found:
+                found, why = step, ENERGY
+        if self._collide and self._touched.min() <= min(found, steps):
+            return int(self._touched.min()), TOUCHED
+        return None if found > steps else (found, why)
+
+    def touched_first_in(self, step: int) -> bool:
+        """Return whether it is this step, of those just observed, counted from 1, in which two bodies may first have
+        touched.
+        """
+        return self._collide and int(self._touched.min()) == step
+
+    def touching(self, steps: int) -> NDArray[np.intp]:
+        """Return the particles, in the numbers of the caller, that may have touched a body in the `steps` steps just
+        observed, in a march with radii.
+        """
+        return np.asarray(self._particles[self._touched[:-1] <= steps])
+
+    def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
+        """Return a copy of a record that includes the distances at the end of the run."""
+        record = record.copy()
+        self.begin(record, first, now)
+        self._set_state(0, state["q"], state["v"])
+        count = len(self._particles)
+        note_end(self.contexts.addresses[0], track, state["particle_q"], state["particle_v"], count)
+        return record
+
+    def _set_state(self, step: int, q: Array, v: Array) -> None:
+        path, start = self.path(step), 2 * step * self._stride
+        path[start : start + self._stride] = q
+        path[start + self._stride : start + 2 * self._stride] = v
+
+    def _in_rows(self, stops: Array) -> Array:
+        """Return the conditions with the bodies numbered in the kernels' order."""
+        row = np.empty(len(self._rows) + 1)
+        row[self._rows], row[-1] = np.arange(len(self._rows)), -1
+        out = np.array(stops, dtype=np.float64)
+        out[:, 1:3] = row[out[:, 1:3].astype(int)]
+        return out
+
+    def _dominant_body(self) -> int:
+        """Return the body that dominates the others, or -1."""
+        gm = self._parameters[1:]
+        heaviest = int(gm.argmax())
+        return -1 if gm[heaviest] <= DOMINANT * gm.sum() else heaviest
+
+    def _reaches(self, q: Array, v: Array, on_kepler_orbits: bool) -> Array:
+        """Return `annuli` with the reach of each body: of planets that steps on Kepler orbits do not follow there, with
+        their mutual Hill radius at their apocentres.
+        """
+        gm, dominant = self._parameters[1:], self.dominant
+        annuli = np.zeros((len(gm), 3))
+        if dominant < 0:
+            annuli[:, REACH] = np.inf
+            return annuli
+        distance = np.sqrt(((q - q[:, dominant : dominant + 1]) ** 2).sum(axis=0))
+        farthest, masses = distance, gm
+        if on_kepler_orbits:
+            place, velocity = (x - x[:, dominant : dominant + 1] for x in (q, v))
+            apocentre = apsides_of(place.T, velocity.T, gm[dominant] + gm).largest
+            farthest = np.where(apocentre < OPEN, np.maximum(distance, apocentre), distance)
+            others = np.sort(np.delete(gm, dominant))[::-1]
+            if len(others) > 1:
+                masses = gm + np.where(gm == others[0], others[1], others[0])
+        hill = farthest * np.cbrt(masses / (3.0 * gm[dominant]))
+        annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
+        annuli[dominant, REACH] = 0.0
+        return annuli
+
+
+_NO_STOPS = np.zeros((0, 4))
+_NO_TRACK = np.zeros((0, WIDTH))

@@ -1,0 +1,86 @@
+"""Which planets of a system come close to each other, now or where their orbits about the dominant body pass."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.elements.least_distance import Ellipses, come_within, least_distance
+from orbits.marching.watching.kepler_passages import HILL_RADII, reach
+from orbits.propagation.checks.step_check import in_digits
+
+if TYPE_CHECKING:
+    from orbits.integrators.forms import Array
+    from orbits.system import System
+
+
+ROUNDING = 1e-12
+"""The distance of two orbits that cross, as a fraction of their size, up to which it is rounding."""
+
+
+class Orbits(NamedTuple):
+    """The orbits of bodies about the dominant one: rows of the system, GM of both, pericentres, eccentricities, planes.
+
+    row, mu, pericentre, e : (n,); along, across : (n, 3), unit vectors to the pericentre and a quarter of a turn ahead
+    """
+
+    row: NDArray[np.intp]
+    mu: Array
+    pericentre: Array
+    e: Array
+    along: Array
+    across: Array
+
+    def ellipses(self, which: NDArray[np.intp]) -> Ellipses:
+        """Return those at some places of the list, none of which is open, as ellipses."""
+        e, along, across = self.e[which], self.along[which], self.across[which]
+        a = (self.pericentre[which] / (1.0 - e))[:, None]
+        return Ellipses(a * along, a * np.sqrt(1.0 - e**2)[:, None] * across, e)
+
+
+def orbits_of(system: System, rows: NDArray[np.intp]) -> Orbits:
+    """Return the orbits of bodies about the dominant one."""
+    values, sun = system.values, int(system.values.gm.argmax())
+    q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], values.gm[rows] + values.gm[sun]
+    r, spin = np.linalg.norm(q, axis=1)[:, None], np.cross(q, v)
+    to_pericentre = np.cross(v, spin) / mu[:, None] - q / r
+    e = np.linalg.norm(to_pericentre, axis=1)
+    round_ = e[:, None] <= 1e-12
+    along = np.where(round_, q / r, to_pericentre) / np.where(round_, 1.0, e[:, None])
+    plane = np.cross(spin, along)
+    size = np.linalg.norm(plane, axis=1)[:, None]
+    across = plane / np.where(size > 0.0, size, 1.0)
+    return Orbits(rows, mu, (spin**2).sum(axis=1) / mu / (1.0 + e), e, along, across)
+
+
+def close_pairs(system: System, orbits: Orbits, most: int) -> tuple[list[str], int]:
+    """Return in words, up to `most`, which planets are or can come within `HILL_RADII` of each other, and how many
+    pairs there are.
+    """
+    values, units, sun = system.values, system.units, int(system.values.gm.argmax())
+    first, second = np.triu_indices(len(orbits.row), 1)
+    one, other = orbits.row[first], orbits.row[second]
+    gm, dominant = values.gm[one] + values.gm[other], float(values.gm[sun])
+    apart = np.linalg.norm(values.q[one] - values.q[other], axis=1)
+    close = apart < reach(values.q[one] - values.q[sun], gm, dominant)
+    crossing = np.zeros_like(close)
+    bound = np.flatnonzero(~close & (np.maximum(orbits.e[first], orbits.e[second]) < 1.0))
+    share = HILL_RADII * np.cbrt(gm[bound] / (3.0 * dominant))
+    crossing[bound] = come_within(orbits.ellipses(first[bound]), orbits.ellipses(second[bound]), share)
+    found = np.flatnonzero(close | crossing)
+    shown = found[:most]
+    passing = shown[crossing[shown]]
+    inner, outer = orbits.ellipses(first[passing]), orbits.ellipses(second[passing])
+    gaps = least_distance(inner, outer)[0]
+    gaps[gaps < ROUNDING * np.linalg.norm(inner.along, axis=1)] = 0.0  # they cross
+    gap_of, texts = dict(zip(passing.tolist(), gaps.tolist(), strict=True)), []
+    for k in shown.tolist():
+        names, within = f"{system.names[one[k]]} and {system.names[other[k]]}", f"less than {HILL_RADII:.0f} Hill radii"
+        if k in gap_of:
+            gap = in_digits(gap_of[k], units.length, 2)
+            texts.append(f"the orbits of {names} come within {gap}, {within}")
+        else:
+            texts.append(f"{names} are {in_digits(float(apart[k]), units.length)} apart, {within}")
+    return texts, len(found)

@@ -1,0 +1,258 @@
+"""Is the step short enough? The method is tried on a single passage of two bodies, and its error is measured.
+
+A passage is characterized by its eccentricity e and by the angle h v/d that a step covers at the pericentre, with
+distance d and speed v. It is marched with the method itself, from a quarter of a period or the time of ten radians
+before the pericentre to as long after it, and compared with the exact orbit. The error is that of the velocity, as a
+fraction of the change of velocity in the passage.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orbits.elements import state_from_elements
+from orbits.errors import IntegrationError, StepWarning, with_unit
+from orbits.finding import Finding
+from orbits.integrators.base import Integrator
+from orbits.integrators.maps.dominant import DOMINANT
+from orbits.propagation.checks.passage_effect import (
+    FINE,
+    GRID,
+    GROWTH,
+    MOST_ANGLE,
+    MOST_ECCENTRICITY,
+    NEGLIGIBLE,
+    NOT_FOLLOWED,
+    RADIANS,
+    Effect,
+    Pair,
+    effect,
+    march_pair,
+)
+from orbits.propagation.results.approach import as_error, said
+from orbits.system.rigid_body import RIGID
+from orbits.time_grid import fastest_passage_of
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+TOO_LONG = 1e-2
+"""A step is too long if the error of the fastest passage exceeds this, before a run."""
+
+INSTEAD = "leave dt out: steps are then chosen one by one"
+"""The advice that serves all systems but those with rigid bodies."""
+
+OF_HIGHER_ORDER = "take a method of higher order, such as orbits.Composition(order=8)"
+"""The advice for those, whose steps cannot be chosen one by one, if the method is of an order below `HIGH`."""
+
+HIGH = 8
+
+UNRESOLVED = 0.1
+"""A passage with a larger error was not resolved."""
+
+QUIET = 2e-3
+"""Angle per step below which every method of order 2 or more is far below `TOO_LONG`."""
+
+SHORTER, TRIALS = 2.0**-0.5, 28
+"""Factor by which steps are shortened in the search for a suitable one, and how often: down to a ten-thousandth."""
+
+MARGIN = 0.5
+"""The suggested step may use this fraction of the allowed error, as the phase of the passage in it is unknown."""
+
+PHASES = (0.1, 0.25, 0.4)
+"""Positions of the pericentre within a step, none of them 0 or 1/2, where symmetric methods get the turn right by
+symmetry alone.
+"""
+
+
+def passage_error(integrator: Integrator, eccentricity: float, angle: float) -> tuple[float, float]:
+    """Return (error as a fraction of the turn, turn as a fraction of the speed) of a passage; the error is at most 1.
+
+    eccentricity : of the two-body orbit, >= 0; angle : step x speed / distance at the pericentre, in radians
+    """
+    if not eccentricity < MOST_ECCENTRICITY:  # includes NaN, from a square that overflowed
+        eccentricity = MOST_ECCENTRICITY
+    rounded = 2.0 ** (math.ceil(GRID * math.log2(max(angle, FINE))) / GRID)
+    if eccentricity < 0.97:
+        e = 1.0 - 2.0 ** (math.floor(GRID / 2 * math.log2(1.0 - eccentricity)) / (GRID / 2))
+    else:
+        e = max(1.0, 2.0 ** (math.ceil(GRID / 2 * math.log2(eccentricity)) / (GRID / 2)))
+    try:
+        share, turn = _tried(integrator, e, rounded)
+    except TypeError:  # a method whose fields cannot be hashed
+        share, turn = _tried.__wrapped__(integrator, e, rounded)
+    return share * min(angle / FINE, 1.0) ** integrator.order, turn
+
+
+@lru_cache(maxsize=4096)
+def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float]:
+    speed = math.sqrt(1.0 + e)
+    half = RADIANS / speed
+    if e < 1.0:
+        half = min(half, 0.5 * math.pi / math.sqrt((1.0 - e) ** 3))
+    h = angle / speed
+    steps = max(2, math.ceil(2.0 * half / h))
+    worst, turn = 0.0, 0.0
+    for shift in PHASES:
+        begin = -(steps // 2 + shift) * h
+        q, v = state_from_elements(1.0, q=1.0, e=e, T=0.0, t=np.array([begin, begin + steps * h]))
+        turn = float(np.linalg.norm(v[1] - v[0])) / speed
+        try:
+            _, end = march_pair(integrator, 1.0, 0.0, q[0], v[0], h, steps)
+        except IntegrationError:
+            return 1.0, turn
+        worst = max(worst, float(np.linalg.norm(end - v[1])) / speed)
+    return min(worst / max(turn, 1e-300), 1.0), turn
+
+
+def too_long(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
+    """Find whether steps of h are too long for the fastest passage within `span` from now on."""
+    row, partner, distance, speed, e = fastest_passage_of(system, span)[:5]
+    if row < 0:
+        return
+    softening = system.values.softening
+    if softening > 0.0:  # it limits the speed, as the potential is 1/softening deep
+        mu = float(system.values.gm[row] + system.values.gm[partner])
+        now = float(np.linalg.norm(system.values.v[row] - system.values.v[partner]))
+        speed = min(speed, math.sqrt(now * now + 2.0 * mu / softening))
+    reach = math.hypot(distance, softening)  # no square underflows
+    angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
+    if angle < QUIET:
+        return
+    units, name, other = system.units, system.names[row], system.names[partner]
+    if system.values.gm[row] > system.values.gm[partner]:
+        name, other = other, name
+    if not math.isfinite(angle):
+        yield Finding(
+            f"{name} falls straight into {other}: no step resolves that. Use a softening, or other initial values.",
+            StepWarning,
+            "fall ahead",
+        )
+        return
+    share, turn = passage_error(integrator, e, angle)
+    if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
+        return
+    pair, start = _ahead(system, row, partner, h, span)
+    caused = None if pair is None else _all_pericentres(integrator, h, pair, span - start, span)
+    if share <= TOO_LONG and (caused is None or not caused.spoils):
+        return
+    what = f"the method gets {percent(share)} of the turn wrong"
+    if caused is not None and caused.spoils:
+        off = said(as_error(system, caused.error))
+        what = f"that puts {name} about {off} off by the end of the run"
+    if pair is None:
+        enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
+    else:
+        enough = step_that_resolves(integrator, h, pair, span - start, span)
+    advice = instead(system, integrator)
+    remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it{advice and f', or {advice}'}"
+    if not enough:
+        remedy = f"no step that is practical resolves it with this method{advice and f': {advice}'}"
+    yield Finding(
+        f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
+        f"{in_digits(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
+        f"{what}; {remedy}.",
+        StepWarning,
+        "passage ahead",
+    )
+
+
+def instead(system: System, integrator: Integrator) -> str:
+    """Return the advice for a system whose step is too long, besides a shorter one; "" if there is none."""
+    if not any(force.kind == RIGID for force in system.forces):
+        return INSTEAD
+    return OF_HIGHER_ORDER if integrator.order < HIGH else ""
+
+
+def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:
+    """Return a step below |h| with which a passage does not spoil a run at any phase; 0 if none is found.
+
+    pair, left, span : see `effect`
+    """
+    ahead = pair.ahead
+    e, angle = pair.shape(h)
+    longest = abs(h) * largest_resolved_angle(integrator, e, angle) / angle if angle > 0.0 else abs(h)
+    for k in range(TRIALS if longest > 0.0 else 0):
+        shorter = math.copysign(longest * SHORTER**k, h)
+        if abs(shorter) >= abs(h):
+            continue
+        try:
+            moved = [pair.after(ahead - phase * shorter) for phase in PHASES]
+        except NOT_FOLLOWED:
+            return 0.0
+        effects = (_all_pericentres(integrator, shorter, p, left - ahead, span) for p in moved)
+        if all(math.isfinite(f.error) and f.error <= MARGIN * f.limit for f in effects):
+            return abs(shorter)
+    return 0.0
+
+
+def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
+    """Return the effect on a run of the next pericentre and, for a bound pair, of all later ones.
+
+    On average the later ones have half of the remaining time.
+    """
+    first = effect(integrator, h, pair, left, span)
+    if not (pair.is_bound() and pair.orbit.period < abs(left)):
+        return first
+    later = effect(integrator, h, pair, 0.5 * left, span).error * abs(left) / pair.orbit.period
+    return first._replace(error=min(max(first.error, later), max(first.error, 2.0 * first.distance)))
+
+
+def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:
+    """Return an angle per step, at most `angle`, with an error of at most `TOO_LONG`; 0 if none is found."""
+    trials = (angle * SHORTER**k for k in range(TRIALS))
+    return next((trial for trial in trials if passage_error(integrator, eccentricity, trial)[0] <= TOO_LONG), 0.0)
+
+
+def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tuple[Pair | None, float]:
+    """Return two bodies at the beginning of the step with their next pericentre, and its time.
+
+    The pair is None if there is no pericentre within `span`.
+    """
+    values = system.values
+    if values.gm[row] > values.gm[partner]:
+        row, partner = partner, row
+    heaviest = int(values.gm.argmax())
+    dominated = values.gm[heaviest] > DOMINANT * values.gm.sum()
+    mu = float(values.gm[row] + values.gm[partner])
+    zero = np.zeros(3)
+    pair = Pair(
+        mu,
+        float(values.gm[partner]) / mu,
+        values.q[row] - values.q[partner],
+        values.v[row] - values.v[partner],
+        values.softening,
+        float(values.gm[heaviest]) if dominated else 0.0,
+        values.q[partner] - values.q[heaviest] if dominated and partner != heaviest else zero,
+        values.v[partner] - values.v[heaviest] if dominated and partner != heaviest else zero,
+    )
+    try:
+        ahead, period = pair.ahead, pair.orbit.period
+        if ahead * h < 0.0:
+            ahead += math.copysign(period, h)
+        if not abs(ahead) <= abs(span):
+            return None, 0.0
+        start = math.floor(ahead / h) * h
+        return pair.after(start), start
+    except NOT_FOLLOWED:
+        return None, 0.0
+
+
+def percent(share: float) -> str:
+    """Return a fraction in percent."""
+    return f"{100 * share:.2g} %" if share < 0.995 else "all"
+
+
+def _round(count: float) -> str:
+    """Return a count to two digits, without a power of ten as long as it is readable."""
+    return f"{float(f'{count:.2g}'):,g}"
+
+
+def in_digits(x: float, unit: object, digits: int = 4) -> str:
+    """Return a number to some digits, with its unit if it has one."""
+    return with_unit(f"{x:.{digits}g}", unit)

@@ -1,0 +1,232 @@
+"""Judgement of the passages of a run: those that spoilt the rest of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from orbits.errors import EventWarning, RetiredWarning, StepWarning, counted
+from orbits.finding import SHOWN, Finding
+from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
+from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
+from orbits.propagation.checks.kepler_splitting import encounters
+from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
+from orbits.propagation.checks.step_check import UNRESOLVED, in_digits, instead, passage_error, step_that_resolves
+from orbits.propagation.results.approach import Approach, as_error, said
+from orbits.propagation.results.refinement import refine
+
+if TYPE_CHECKING:
+    from orbits.propagation.results.passages_seen import Passage, Seen
+    from orbits.trajectory import Trajectory
+    from orbits.trajectory.retired import RetiredParticle
+
+LEAST_SHARE = 1e-3
+"""Fraction of a noticeable error below which even a thousand passages of a pair have no noticeable effect together."""
+
+MOST_JUDGED = 300
+"""The most passages that are marched one by one after a run, in half a second; if there are more, the worst ones."""
+
+FEW_STEPS = 20_000
+"""The most steps that are marched again to state a passage in a warning to the accuracy of the orbit."""
+
+AS_ASKED = REASONS[EJECTED], REASONS[TOO_CLOSE]
+"""Reasons for which particles are retired because the method was told where."""
+
+BEFORE_ENCOUNTERS = REASONS[NEAR_A_PLANET], REASONS[NOT_RESOLVED]
+"""Reasons for which particles are retired before passages that a method cannot follow, if it was told to do so."""
+
+HITS = REASONS[HIT].format("")
+"""The beginning of the reason of one that hit a body."""
+
+
+def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
+    """Return the position error at the end of a run that passage k causes, in the unit of length; None if unknown."""
+    if k not in seen.errors:
+        caused = _effect(run, seen, k)
+        seen.errors[k] = None if caused is None else caused.error
+    return seen.errors[k]
+
+
+def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
+    if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
+        return None
+    passage, end = seen.passages[k], _end(run, seen)
+    pair = passage.pair(run.system, seen.dominant)
+    return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
+
+
+def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
+    """Return the numbers of the passages that spoil the rest of a run, with the error at its end, worst first: those
+    that spoil it individually, and those of a pair that do so together.
+
+    Only passages with known states are judged; at most `most`, those that may be the worst.
+    """
+    if run.clock.changes:
+        return []
+    if run.integrator.follows_kepler:
+        return [(k, math.nan) for k in encounters(run.system, run.integrator, run.step, seen, run.excursions)]
+    end = _end(run, seen)
+    bounds = {k: bound for k in range(len(seen.passages)) if (bound := _most(run, seen, seen.passages[k], end)) > 0.0}
+    judged: dict[frozenset[int], list[tuple[int, Effect]]] = {}
+    for k in sorted(bounds, key=lambda k: -bounds[k])[:most]:
+        caused = _effect(run, seen, k)
+        assert caused is not None
+        seen.errors[k] = caused.error
+        judged.setdefault(_pair_of(seen, k), []).append((k, caused))
+    found = []
+    for effects in judged.values():
+        together = sum(caused.error for _, caused in effects)
+        spoilt = together > max(caused.limit for _, caused in effects)
+        found += [(k, caused.error) for k, caused in effects if spoilt or _spoils(run, seen, k, caused)]
+    return sorted(found, key=lambda pair: -pair[1])
+
+
+def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
+    """Return whether a single passage spoils a run; without a primary, whether its deflection is wrong."""
+    if math.isfinite(caused.usual):
+        return caused.spoils
+    pair = seen.passages[k].pair(run.system, seen.dominant)
+    assert pair is not None
+    share, turn = passage_error(run.integrator, *pair.shape(run.step))
+    return share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
+
+
+def _pair_of(seen: Seen, k: int) -> frozenset[int]:
+    return frozenset((seen.passages[k].body, seen.passages[k].other))
+
+
+def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
+    """Find passages that spoilt a run, and the step that would have resolved them."""
+    found = spoiling(run, seen, MOST_JUDGED)
+    if not found:
+        return
+    end, enough = _end(run, seen), math.inf
+    pairs: dict[frozenset[int], list[float]] = {}
+    for k, error in found:
+        pairs.setdefault(_pair_of(seen, k), []).append(error)
+    worst = {_pair_of(seen, k): k for k, _ in reversed(found)}
+    shown = [worst[pair] for pair in list(pairs)[:SHOWN]]
+    refine(run, seen, [k for k in shown if _is_close_to_a_sample(run, seen.passages[k])])
+    rows = []
+    for k in shown:
+        passage, errors = seen.passages[k], pairs[_pair_of(seen, k)]
+        pair = passage.pair(run.system, seen.dominant)
+        assert pair is not None
+        more = f" ({len(errors):,} passages, {said(as_error(run.system, sum(errors)))} together)" * (len(errors) > 1)
+        rows.append(f"{Approach.of(run.system, run.clock, passage, errors[0])}{more}")
+        left = end - run.clock.time(passage.step)
+        enough = min(enough, step_that_resolves(run.integrator, run.step, pair, left, end))
+    unit = run.system.units.time
+    these = "it" if len(found) == 1 else "those named"
+    remedy = f"With dt <= {in_digits(enough, unit, 2)} {these} would have been resolved"
+    if not enough:
+        remedy = "No practical step resolves them with this method: use one of higher order, or softening"
+    if advice := instead(run.system, run.integrator):
+        remedy += f". Or {advice}"
+    some = len(found) >= MOST_JUDGED or seen.left_out > 0
+    yield Finding(
+        f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)} did not resolve {'at least ' * some}"
+        f"{counted(len(found), 'close passage')}; the rest of the run is not to be trusted for these bodies:",
+        StepWarning,
+        "passages not resolved",
+        rows,
+        len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown),
+        ", in run.unresolved()",
+        f"{remedy}.",
+    )
+
+
+def events_in_doubt(remarks: Sequence[str]) -> Iterator[Finding]:
+    """Find events that mean nothing, or may be incomplete."""
+    if remarks:
+        yield Finding("of the events that were sought:", EventWarning, "events in doubt", remarks)
+
+
+def lost(run: Trajectory) -> Iterator[Finding]:
+    """Find the particles that were retired in a run, but for those that merged."""
+    asked = [particle for particle in run.retired if particle.reason in AS_ASKED]
+    met = [particle for particle in run.retired if particle.reason in BEFORE_ENCOUNTERS]
+    hits = [particle for particle in run.retired if particle.reason.startswith(HITS)]
+    without = "{whose} q and v are NaN from then on, and run[k] leaves {them} out."
+    if asked:
+        told = f"{run.integrator.label} retired {_count(asked)}, as asked: {_of(asked, without)}"
+        yield _listed("retired as asked", asked, told)
+    if met:
+        yield _listed(
+            "retired before encounters",
+            met,
+            f"{run.integrator.label} retired {_count(met)} before encounters that it cannot follow, as asked: "
+            f"{_of(met, without)} All others are the same as without {_of(met, '{them}')}.",
+            _of(met, "{They} can be run by {themselves} among the massive bodies without dt and method, by steps of ")
+            + _of(met, "{whose} own."),
+        )
+    if hits:
+        yield _listed("hit a body", hits, f"{_count(hits)} hit a body: {_of(hits, without)}")
+    known = {one.name for one in (*asked, *met, *hits)}
+    retired = [one for one in run.retired if one.name not in known and one.reason != REASONS[IMPACT]]
+    if not retired:
+        return
+    unit = run.system.units.time
+    if run.clock.changes:
+        how = run.made_by
+        remedy = "They meet a body there, as points do. Use softening, or end the run before."
+    else:
+        how = f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)}"
+        remedy = "Use a smaller dt for them (they can be run by themselves among the massive bodies), or softening."
+    yield _listed(
+        "cannot be stepped",
+        retired,
+        f"{how} could not step {_count(retired)} any further, and the run went on without: their q and v are NaN from "
+        "then on, and run[k] leaves them out. All others are the same as without them.",
+        remedy,
+    )
+
+
+def _of(retired: Sequence[RetiredParticle], words: str) -> str:
+    """Return words about one particle or several."""
+    if len(retired) > 1:
+        return words.format(whose="their", them="them", They="They", themselves="themselves")
+    return words.format(whose="its", them="it", They="It", themselves="itself")
+
+
+def _count(retired: Sequence[RetiredParticle]) -> str:
+    return counted(len(retired), "massless particle")
+
+
+def _listed(kind: str, retired: Sequence[RetiredParticle], told: str, remedy: str = "") -> Finding:
+    """Return what is said of retired particles, with the first of them."""
+    first = sorted(retired, key=lambda particle: abs(particle.time.value))[:SHOWN]
+    rows, hidden = [str(particle) for particle in first], len(retired) - SHOWN
+    return Finding(told, RetiredWarning, kind, rows, hidden, ", in run.retired", remedy)
+
+
+def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
+    """Return whether marching to a passage again takes little time."""
+    before = run.times[np.abs(run.times) <= abs(run.clock.time(passage.step))]
+    return passage.step - (abs(float(before[-1]) / run.step) if len(before) else 0.0) <= FEW_STEPS
+
+
+def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
+    """Return a bound of the error at the end of the run caused by a passage; 0 for one that cannot spoil it."""
+    pair = passage.pair(run.system, seen.dominant)
+    if pair is None:
+        return 0.0
+    e, angle = pair.shape(run.step)
+    left = abs(end - run.clock.time(passage.step)) + abs(run.step)
+    around = pair.other_q + pair.q if pair.other_q.any() else pair.q
+    worth = LEAST_SHARE * NEGLIGIBLE * float(np.linalg.norm(around))
+    turn = passage.speed * min(2.0, 2.0 / max(e, 1e-300))
+    if not GROWTH * turn * left > worth:
+        return 0.0
+    share, turned = passage_error(run.integrator, e, angle)
+    bound = GROWTH * pair.share * share * turned * passage.speed * left
+    return bound if bound > worth else 0.0
+
+
+def _end(run: Trajectory, seen: Seen) -> float:
+    """Return the time at which a run ended: that of its last sample or, if it was stopped, of its last step."""
+    last = run.reached if run.complete else run.last_time
+    return max(last, float(run.clock.time(seen.end)), key=abs)

@@ -1,0 +1,1 @@
+"""Collisions: where bodies touch within a step, and what becomes of them."""

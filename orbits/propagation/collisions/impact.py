@@ -1,0 +1,213 @@
+"""The first collision within a step, to the accuracy of the orbit, by partial steps of the method.
+
+Kernels find steps in which two bodies may touch (`orbits.kernels.search.collisions`); here the pairs are found by the
+same verdict, and the time at which the distance of each falls below the sum of its radii.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.kernels.search.collisions import fraction_of_contact, margin_of_cubic, roughness, touching
+
+Array = NDArray[np.float64]
+State = tuple[Array, Array]
+
+ITERATIONS, PARTS = 80, 4096
+"""The most states within a step for a root, and the most parts in which a pair is followed: one that moves along the
+surface of another for long needs many."""
+
+SPACING = 2.0**-14
+"""The fraction of a step between positions of which differences are taken."""
+
+
+class Impact(NamedTuple):
+    """A collision: its time, and the two bodies, the lower number first."""
+
+    time: float
+    first: int
+    second: int
+
+
+class Step(NamedTuple):
+    """A step of a march: the times and the states at its ends, and `at`, which returns the state at a time within.
+
+    massive : the numbers of the massive bodies there
+    strength : the squared softening length, and the GM of each of these
+    """
+
+    begin: float
+    end: float
+    before: State
+    after: State
+    at: Callable[[float], State]
+    massive: NDArray[np.intp]
+    strength: Array
+
+    def field(self, before: State, after: State) -> tuple[Array, Array, int, int]:
+        """Return the field of the massive bodies between two states, for `margin_of_cubic`."""
+        path = np.array([x[self.massive].T for x in (*before, *after)]).ravel()
+        return self.strength, path, 0, 3 * len(self.massive)
+
+    def numbers(self) -> NDArray[np.int64]:
+        """Return the numbers of all bodies among the massive ones, (n,); as many as these are for the massless ones."""
+        numbers = np.full(len(self.before[0]), len(self.massive), dtype=np.int64)
+        numbers[self.massive] = np.arange(len(self.massive))
+        return numbers
+
+
+def impacts(step: Step, radii: Array, seeks: Callable[[int, int], bool], order: int) -> list[Impact]:
+    """Return the collisions in a step, in the order of time; of those at the same time that of the first bodies first.
+
+    radii : (n,), of all bodies; seeks : whether the collision of two bodies is looked for
+    order : of the method
+    A pair that overlaps at the beginning of the step does not collide in it.
+    """
+    found, motion = [], _motion(step, order)
+    for i, j in candidates(step, radii, _slack(step, order)):
+        time = _time_of(motion, step, i, j, float(radii[i] + radii[j])) if seeks(i, j) else None
+        if time is not None:
+            found.append(Impact(time, i, j))
+    direction = math.copysign(1.0, step.end - step.begin)
+    return sorted(found, key=lambda impact: (impact.time * direction, impact.first, impact.second))
+
+
+def candidates(step: Step, radii: Array, slack: float) -> Iterable[tuple[int, int]]:
+    """Yield the pairs, the lower number first, that may touch within a step, by the verdict that found the step."""
+    states, found = np.array([*step.before, *step.after]), np.zeros(len(radii), dtype=bool)
+    pairs: set[tuple[int, int]] = set()
+    field, numbers = step.field(step.before, step.after), step.numbers()
+    for i in step.massive.tolist():
+        touching(i, states, numbers, field, step.end - step.begin, radii, slack, found)
+        pairs |= {(min(i, j), max(i, j)) for j in np.flatnonzero(found).tolist()}
+    return sorted(pairs)
+
+
+def _slack(step: Step, order: int) -> float:
+    """Return by how much bodies may move otherwise than the cubics of a step, besides the bound of their errors."""
+    changes = np.linalg.norm(step.after[1] - step.before[1], axis=1)
+    return roughness(order) * abs(step.end - step.begin) * float(np.nanmax(changes, initial=0.0))
+
+
+def _motion(step: Step, order: int) -> Callable[[float], State]:
+    """Return positions at a fraction of a step, and their rates: the velocities, except for methods whose partial steps
+    move bodies otherwise (see `roughness`).
+    """
+    h, known = step.end - step.begin, {0.0: step.before, 1.0: step.after}
+
+    def state(s: float) -> State:
+        if s not in known:
+            known[s] = step.at(step.begin + s * h)
+        return known[s]
+
+    def motion(s: float) -> State:
+        q, v = state(s)
+        if roughness(order) == 0.0 or s == 0.0:
+            return q, v
+        middle = min(max(s, SPACING), 1.0 - SPACING)
+        first, second, third = (state(middle + k * SPACING)[0] for k in (-1, 0, 1))
+        bend = (s - middle) / SPACING * (third - 2.0 * second + first)
+        return q, (0.5 * (third - first) + bend) / (SPACING * h)
+
+    return motion
+
+
+def _time_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach: float) -> float | None:
+    """Return the time at which a pair first touches within a step, or None if it does not.
+
+    From state to state of the orbit: each is where the cubic from the last one may first come within reach.
+    """
+    begin, end = step.begin, step.end
+    h = end - begin
+    (row, j), (body, i) = sorted(((int(step.numbers()[k]), k) for k in (i, j)), reverse=True)
+
+    def relative(s: float) -> tuple[float, ...]:
+        """Return position and velocity at a fraction of the step, relative to a massive body of the pair."""
+        q, v = motion(s)
+        return tuple(np.concatenate([q[j] - q[i], v[j] - v[i]]).tolist())
+
+    def gap(state: tuple[float, ...]) -> tuple[float, float]:
+        """Return the distance between the surfaces, and how fast it grows."""
+        x, w = np.array(state[:3]), np.array(state[3:])
+        d = math.sqrt(float(x @ x))
+        return d - reach, float(x @ w) / d * h if d > 0.0 else -math.inf
+
+    q1 = step.after[0]
+    resolution = 4.0 * float(np.spacing(max(abs(begin), abs(end)))) / abs(h)
+    rounding = 4.0 * float(np.spacing(max(np.abs(q1[i]).max(), np.abs(q1[j]).max(), reach)))
+    s, here, last = 0.0, relative(0.0), relative(1.0)
+    (distance, slope), (left, leaving) = gap(here), gap(last)
+    if distance < 0.0 and slope < 0.0:
+        return None  # it overlapped before
+    if 0.0 <= left <= rounding and leaving < 0.0:
+        left, rounding = math.inf, 0.0  # it touches in the next step
+    for _ in range(PARTS):
+        field, rest = step.field(motion(s), motion(1.0)), (1.0 - s) * h
+        margin = margin_of_cubic(field, row, body, here, last, rest)
+        part = float(fraction_of_contact(here, last, rest, reach, margin, 0.0))
+        following = s + (1.0 - s) * part
+        if following >= 1.0 - resolution:
+            break
+        if following - s <= resolution:
+            return begin + s * h
+        here = relative(following)
+        distance, slope = gap(here)
+        if not math.isfinite(distance):  # no partial step of the method leads there
+            return None if left >= 0.0 else end
+        if distance < 0.0:  # by rounding, or where the motion differs from the cubic by more than was allowed for
+            return begin + _root(lambda x: gap(relative(x)), s, following, following, resolution, rounding) * h
+        if distance <= rounding and slope < 0.0:
+            return begin + following * h
+        s = following
+    if left >= 0.0:
+        return None
+    return begin + _root(lambda x: gap(relative(x)), s, 1.0, 0.5 * (s + 1.0), resolution, rounding) * h
+
+
+def _root(
+    gap: Callable[[float], tuple[float, float]],
+    outside: float,
+    inside: float,
+    guess: float,
+    resolution: float,
+    rounding: float,
+) -> float:
+    """Return where the gap vanishes between a fraction outside and one inside, by Newton's method within bounds."""
+    s = guess if outside < guess < inside else 0.5 * (outside + inside)
+    for _ in range(ITERATIONS):
+        distance, slope = gap(s)
+        if distance >= 0.0:
+            outside = s
+        else:
+            inside = s
+        following = s - distance / slope if slope < 0.0 else math.nan
+        if abs(distance) <= rounding or inside - outside <= resolution:
+            return s
+        if not outside < following < inside:
+            following = 0.5 * (outside + inside)
+        if abs(following - s) <= resolution:
+            return following
+        s = following
+    return s
+
+
+def overlapping(
+    q: Array, radii: Array, massive: NDArray[np.bool_], share: float = 1.0, of: int | None = None
+) -> Iterator[tuple[int, int]]:
+    """Yield the pairs that are closer than `share` times the sum of their radii, (n, 3) and (n,), nearest first.
+
+    of : a massive body, if only pairs with it are looked for
+    """
+    found = []
+    numbers = np.arange(len(q)) if of is None else np.full(len(q), of + 1)
+    for i in np.flatnonzero(massive).tolist() if of is None else [of]:
+        distance, reach = np.linalg.norm(q - q[i], axis=1), radii + radii[i]
+        others = ((numbers > i) | ~massive) & (distance < share * reach) & (reach > 0.0)
+        near = [j for j in np.flatnonzero(others).tolist() if j != i]
+        found += [(float(distance[j] / reach[j]), min(i, j), max(i, j)) for j in near]
+    yield from ((i, j) for _, i, j in sorted(found))

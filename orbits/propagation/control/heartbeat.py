@@ -1,0 +1,186 @@
+"""A line about a run every minute, say: for logs, where no progress bar can be shown."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orbits.archive.storage import human
+from orbits.errors import InputError, shown, with_unit
+from orbits.plotting.words import fitting_time
+from orbits.propagation.chain_of_legs import ChangingMarch, March
+from orbits.propagation.control.wall_clock import seconds_of, wall_time_text
+from orbits.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from orbits.archive import ArchiveWriter
+    from orbits.integrators.base import Integrator
+    from orbits.system import System
+    from orbits.time_grid import TimeGrid
+
+
+@dataclass(frozen=True)
+class Heartbeat:
+    """A line about a run again and again: the time reached, steps per second, what is left, and the drift of energy and
+    angular momentum since the start.
+
+    every : the wall time from line to line: a quantity, a number of seconds, or a text such as "5 min"
+    to : called with each line, as in `to=logging.info`; None prints them on standard error
+    first : the wall time until the first line, so that one soon knows what is left; that of `every` by default
+
+    Raises InputError for anything but one finite time above 0, and for what cannot be called.
+    """
+
+    every: Any = 60.0
+    to: Callable[[str], object] | None = None
+    first: Any = None
+
+    def __post_init__(self) -> None:
+        seconds_of(self.every, "Heartbeat.every")
+        if self.first is not None:
+            seconds_of(self.first, "Heartbeat.first")
+        if self.to is not None and not callable(self.to):
+            raise InputError(f"Heartbeat.to is {shown(self.to)}; expected a function of a text, such as logging.info.")
+
+    @property
+    def seconds(self) -> float:
+        """The wall time from line to line."""
+        return seconds_of(self.every, "Heartbeat.every")
+
+    @property
+    def patience(self) -> float:
+        """The wall time until the first line, in seconds."""
+        return self.seconds if self.first is None else seconds_of(self.first, "Heartbeat.first")
+
+    def say(self, text: str) -> None:
+        """Give one line."""
+        if self.to is None:
+            print(text, file=sys.stderr, flush=True)
+        else:
+            self.to(text)
+
+
+def heartbeat_of(given: Any) -> Heartbeat | None:
+    """Return what `propagate` takes as `heartbeat`: None, a Heartbeat, or the wall time from line to line."""
+    if given is None or isinstance(given, Heartbeat):
+        return given
+    return Heartbeat(seconds_of(given, "heartbeat"))
+
+
+class Pulse:
+    """The lines about one run or several: when one is due, and what all of them say.
+
+    heartbeat : None for none; begun : the time from which it is marched, of a run to `end`; steps : the steps before
+    """
+
+    def __init__(self, heartbeat: Heartbeat | None, unit: Any, end: float, begun: float = 0.0, steps: int = 0) -> None:
+        self._heartbeat, self._end = heartbeat, end
+        self._factor, self._unit = fitting_time(end, unit)
+        self._begun = self._last = time.perf_counter(), begun, steps
+        self._pause = math.inf if heartbeat is None else heartbeat.patience
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for a line."""
+        return time.perf_counter() - self._last[0] >= self._pause
+
+    @property
+    def beaten(self) -> bool:
+        """Whether there was one."""
+        return self._last is not self._begun
+
+    def beat(self, reached: float, steps: int, more: Iterable[str], *, last: bool = False) -> None:
+        """Give a line: the time and the number of steps reached, and more. The last one has the mean rate."""
+        assert self._heartbeat is not None
+        now = time.perf_counter()
+        before = self._begun if last else self._last
+        rate = (steps - before[2]) / max(now - before[0], 1e-9)
+        left = self._left(reached, now)
+        parts = [
+            f"{abs(reached / self._end):.1%}",
+            f"t = {self._times(reached)}",
+            f"{_in_digits(rate)} steps/s",
+            f"after {wall_time_text(now - self._begun[0])}" if last else left,
+            *more,
+        ]
+        self._last, self._pause = (now, reached, steps), self._heartbeat.seconds
+        self._heartbeat.say(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {', '.join(filter(None, parts))}")
+
+    def _times(self, reached: float) -> str:
+        return with_unit(f"{self._factor * reached:,.6g} of {self._factor * self._end:,.6g}", self._unit)
+
+    def _left(self, reached: float, now: float) -> str:
+        """Return how long the rest takes, if it is as fast as what was marched here so far."""
+        done, rest = abs(reached - self._begun[1]), abs(self._end - reached)
+        return f"{wall_time_text((now - self._begun[0]) * rest / done)} left" if done and rest else ""
+
+
+class Beats:
+    """The lines about a run that is marched; see `Pulse`."""
+
+    def __init__(
+        self,
+        heartbeat: Heartbeat | None,
+        system: System,
+        integrator: Integrator,
+        grid: TimeGrid,
+        marcher: March,
+        writer: ArchiveWriter | None,
+    ) -> None:
+        self._pulse = Pulse(heartbeat, system.units.time, grid.end, marcher.time, marcher.step)
+        self._system, self._integrator, self._grid = system, integrator, grid
+        self._marcher, self._writer = marcher, writer
+
+    def beat_if_due(self) -> None:
+        """Give a line if it is time for it."""
+        if self._pulse.due:
+            self._pulse.beat(self._marcher.time, self._marcher.step, self._told())
+
+    def end(self, reached: float) -> None:
+        """Give the last line, where there were others."""
+        if self._pulse.beaten:
+            self._pulse.beat(reached, self._marcher.step, self._told(), last=True)
+
+    def _told(self) -> Iterator[str]:
+        yield from drift_now(self._system, self._integrator, self._grid, self._marcher)
+        bodies, massless = len(self._system), int(np.count_nonzero(~self._system.massive))
+        lost = len(self._marcher.retired())
+        if massless:
+            yield f"{massless - lost:,} of {massless:,} particles"
+        if isinstance(self._marcher, ChangingMarch):
+            there = int((self._marcher.changes().bodies_at(self._marcher.time).present & self._system.massive).sum())
+            yield f"{there:,} of {bodies - massless:,} massive bodies"
+        if self._writer is not None:
+            done, size = self._writer.committed, human(self._writer.size)
+            yield f"{done:,} of {len(self._grid):,} samples in {self._writer.path.name}, {size}"
+
+
+def drift_now(system: System, integrator: Integrator, grid: TimeGrid, marcher: March) -> list[str]:
+    """Return the relative changes of energy and angular momentum since the start of a run, as `Trajectory.drift` has
+    them at its last sample, in words; nothing for those that are not conserved.
+    """
+    q, v = marcher.state()
+    run = Trajectory(
+        system,
+        np.array([marcher.time]),
+        q[None],
+        v[None],
+        step=grid.clock,
+        integrator=integrator,
+        accounts=marcher.accounts()[None],
+    )
+    run.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
+    kept = run.drift()
+    drifts = {"dE/E": kept.energy.last_fraction, "dL/L": kept.angular_momentum.last_fraction}
+    return [f"{name} {drift:.1e}" for name, drift in drifts.items() if not math.isnan(drift)]
+
+
+def _in_digits(rate: float) -> str:
+    """Return a rate with three digits that count, without a power of ten: 3,550,000; 0.125."""
+    return f"{float(f'{rate:.3g}'):,.{0 if rate >= 100.0 else 3}f}"

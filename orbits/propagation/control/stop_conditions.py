@@ -1,0 +1,232 @@
+"""Conditions that end a run early."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from astropy import units as u
+
+from orbits.checks import positive_number
+from orbits.errors import InputError, shown, with_unit
+from orbits.propagation.control.wall_clock import seconds_of
+from orbits.propagation.events.base import RECORD, STOP, Sought
+from orbits.propagation.events.functions import calling, named
+from orbits.propagation.events.kinds.of_pairs import Distance, check_names, pairs_of
+from orbits.units import quantity_from_text
+
+if TYPE_CHECKING:
+    from orbits.propagation.events.base import Bound
+    from orbits.system import System
+
+
+@dataclass(frozen=True)
+class CloserThan(Sought):
+    """Two bodies come closer than a distance, at the time at which they do on the motion itself. In `stop`, or with
+    then="stop", the run ends there.
+
+    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
+    body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
+    then : among `events`, what happens; see `orbits.Event`
+
+    A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
+    there again. It stops as they come closer in the direction of the run; what is recorded is meant in time.
+    Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
+    """
+
+    distance: Any
+    body: str | None = None
+    other: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_pair(self)
+
+    def bound(self, system: System) -> list[Bound]:
+        """Return the squared distance less that of the bound, which falls through zero."""
+        return [distances(self, system, lambda word: (f"closer than {word}", None))]
+
+
+@dataclass(frozen=True)
+class FartherThan(Sought):
+    """Two bodies get farther apart than a distance, at the time at which they do on the motion itself. In `stop`, or
+    with then="stop", the run ends there.
+
+    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
+    body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
+    then : among `events`, what happens; see `orbits.Event`
+
+    A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
+    there again. It stops as they part in the direction of the run; what is recorded is meant in time.
+    Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
+    """
+
+    distance: Any
+    body: str | None = None
+    other: str | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_pair(self)
+
+    def bound(self, system: System) -> list[Bound]:
+        """Return the squared distance less that of the bound, which rises through zero."""
+        return [distances(self, system, lambda word: (None, f"farther than {word}"))]
+
+
+@dataclass(frozen=True)
+class EnergyErrorAbove:
+    """Stop after the first step at whose end the relative energy error of the massive bodies exceeds a fraction.
+
+    Raises InputError for a fraction that is not one finite number above 0.
+    """
+
+    fraction: float
+
+    def __post_init__(self) -> None:
+        positive_number(self.fraction, "EnergyErrorAbove.fraction")
+
+
+@dataclass(frozen=True)
+class WallTimeOver:
+    """Stop when the run has taken longer than this wall time, which is checked between blocks of steps.
+
+    duration : a quantity, or a number of seconds. The step at which a run stops depends on the machine.
+
+    Raises InputError for anything but one finite time above 0.
+    """
+
+    duration: Any
+
+    def __post_init__(self) -> None:
+        seconds_of(self.duration, "WallTimeOver.duration")
+
+
+Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why and where a run ended early.
+
+    reason : in words; condition : the event or the condition that was met, or None if the callback ended the run
+    time : since the epoch, with unit; system : the state at that time
+    """
+
+    reason: str
+    condition: Condition | Sought | None
+    time: u.Quantity
+    system: System
+
+
+class Conditions:
+    """What was given as `stop`.
+
+    distances : the conditions on distances, as events that stop a run
+    energy, seconds : bounds, infinite if there are none
+    """
+
+    def __init__(self, stop: Condition | Sequence[Condition]) -> None:
+        given = [stop] if isinstance(stop, Condition) else stop
+        if not isinstance(given, list | tuple) or not all(isinstance(c, Condition) for c in given):
+            raise InputError(
+                f"stop = {shown(stop)}; expected conditions such as orbits.CloserThan(0.01 * u.au, 'Apophis', "
+                "'Earth'), orbits.FartherThan, orbits.EnergyErrorAbove or orbits.WallTimeOver, one or a list of them."
+            )
+        for c in given:
+            if isinstance(c, Sought) and c.then != RECORD:
+                raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
+        self.distances = [replace(c, then=STOP) for c in given if isinstance(c, CloserThan | FartherThan)]
+        self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
+        self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
+        self.energy = math.inf if self._energy is None else float(self._energy.fraction)
+        self.seconds = math.inf if self._clock is None else seconds_of(self._clock.duration, "WallTimeOver.duration")
+
+    def beside(self, events: Sought | Sequence[Sought]) -> Sought | Sequence[Sought]:
+        """Return events with those that stop a run at a distance."""
+        given = [events] if isinstance(events, Sought) else events
+        return [*given, *self.distances] if self.distances and isinstance(given, list | tuple) else events
+
+    def exceeded(self) -> tuple[str, Condition]:
+        """Return why a march ended whose energy error is above its bound, in words and as a value."""
+        assert self._energy is not None
+        return f"the energy error exceeded {self._energy.fraction:g}", self._energy
+
+    def overdue(self, seconds: float) -> tuple[str, Condition] | None:
+        """Return why a run ends after so many seconds, or None."""
+        if seconds <= self.seconds or self._clock is None:
+            return None
+        return f"it took longer than {self.seconds:g} s", self._clock
+
+    @staticmethod
+    def _least(conditions: list[Any], field: str) -> Any:
+        if len(conditions) > 1:
+            raise InputError(f"stop holds {len(conditions)} {type(conditions[0]).__name__}; expected at most one.")
+        return conditions[0] if conditions else None
+
+
+def check_callback(callback: Any) -> None:
+    """Raise InputError for a callback that cannot be called with a time and a system."""
+    if callback is None:
+        return
+    expected = "expected a function of the time and the system, or None."
+    if not callable(callback):
+        raise InputError(f"callback is {shown(callback)}; {expected}")
+    try:
+        signature = inspect.signature(callback)
+    except (TypeError, ValueError):  # some functions written in C have no signature
+        return
+    try:
+        signature.bind(None, None)
+    except TypeError as error:
+        raise InputError(f"callback has the signature {signature}, not two arguments ({error}); {expected}") from None
+
+
+def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity, system: System) -> bool:
+    """Return whether a callback ends the run. Raises `Raised` with what it raises, and with an InputError for an
+    answer that is not True, False or None.
+    """
+    with calling(f"callback={named(callback)}, at t = {t:.10g}"):
+        answer = callback(t, system)
+        if answer is None or isinstance(answer, bool | np.bool_):
+            return bool(answer)
+        raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
+
+
+def distances(
+    event: CloserThan | FartherThan, system: System, words: Callable[[str], tuple[str | None, str | None]]
+) -> Bound:
+    """Return the squared distance of two bodies less that of a bound."""
+    what = type(event).__name__
+    bound = float(system.units.length_value(event.distance, what))
+    pairs = pairs_of(system, event.body, event.other, what)
+    if event.then == STOP and event.body is not None and event.other is not None:
+        for row, other in pairs:
+            _check_start(event, system, row, np.array([other]), bound)
+    return Distance(words(with_unit(f"{bound:g}", system.units.length)), pairs, bound)
+
+
+def _check_start(condition: CloserThan | FartherThan, system: System, row: int, others: Any, bound: float) -> None:
+    """Raise InputError if a body and any of others are where the run is to end already at its start."""
+    others = others[others != row]
+    apart = np.linalg.norm(system.values.q[others] - system.values.q[row], axis=1)
+    there = np.flatnonzero(apart < bound if isinstance(condition, CloserThan) else apart > bound)
+    if len(there):
+        raise InputError(
+            f"{type(condition).__name__}: {system.names[row]} and {system.names[others[there[0]]]} are "
+            f"{with_unit(f'{apart[there[0]]:g}', system.units.length)} apart at the start already; the bound is "
+            f"{bound:g}. Give another one, or name the bodies that it is for."
+        )
+
+
+def _check_pair(condition: CloserThan | FartherThan) -> None:
+    what = type(condition).__name__
+    expected = "a quantity, a number, or a text with a unit, such as '0.1 AU'"
+    distance = quantity_from_text(condition.distance, f"{what}.distance", expected)
+    object.__setattr__(condition, "distance", distance)
+    positive_number(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
+    check_names(condition, condition.body, condition.other)

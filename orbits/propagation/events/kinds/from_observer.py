@@ -1,0 +1,266 @@
+"""Events as seen from a body: conjunctions, oppositions, transits and occultations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.body_names import index_of
+from orbits.checks import checked_flag
+from orbits.elements.frames import checked_frame
+from orbits.errors import InputError, UnknownNameError, shown
+from orbits.propagation.events.base import Array, Bound, Sought, Whole, dot
+from orbits.propagation.events.kinds.planes import axes_of
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+
+FROM_FAR = (
+    "An observer far away, such as one of an exoplanet, is a body without mass at rest in that direction: "
+    "system.add('far', q=[1e6, 0, 0] * u.au, v=[0, 0, 0] * u.au / u.day) and observer='far'."
+)
+"""What to do if no body of the system is the observer."""
+
+
+@dataclass(frozen=True)
+class Seen(Sought):
+    """The base class of events of two bodies as seen from a third one.
+
+    body, other, observer : names of three bodies; one without mass, at rest far away, stands for a line of sight
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
+    then : "record", "stop", or what is to be done; see `orbits.Event`
+    """
+
+    body: str
+    other: str
+    observer: str = field(default="", kw_only=True)
+    apparent: bool = field(default=False, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        what = type(self).__name__
+        for name in (self.body, self.other):
+            if not isinstance(name, str):
+                raise InputError(
+                    f"{what} of {shown(name)}; expected names, as in {what}('Venus', 'Sun', observer='Earth')."
+                )
+        if not isinstance(self.observer, str) or not self.observer:
+            got = "has no observer" if isinstance(self.observer, str) else f"has observer={shown(self.observer)}"
+            raise InputError(
+                f"{what} of {self.body!r} and {self.other!r} {got}; expected the name of a third body, as in "
+                f"{what}('Venus', 'Sun', observer='Earth'). {FROM_FAR}"
+            )
+        names = self.body, self.other, self.observer
+        if len(set(names)) < 3:
+            twice = self.body if self.body in names[1:] else self.other
+            raise InputError(f"{what}: {twice!r} twice; expected three bodies.")
+        checked_flag(self.apparent, f"{what}.apparent")
+
+    def sight(self, system: System) -> Sight:
+        """Return the bodies, from there. Raises InputError for one body twice, and UnknownNameError."""
+        what = type(self).__name__
+        body, other = (index_of(name, system.names) for name in (self.body, self.other))
+        try:
+            observer = index_of(self.observer, system.names)
+        except UnknownNameError as error:
+            needed = "The observer must be a body of the system."
+            raise UnknownNameError(f"{what}.observer: {error} {needed} {FROM_FAR}") from None
+        if len({body, other, observer}) < 3:
+            twice = system.names[body if body in (other, observer) else other]
+            raise InputError(f"{what}: {twice!r} twice; expected three bodies.")
+        if not self.apparent:
+            return Sight(body, other, observer, 0.0)
+        if not system.units.is_physical:
+            raise InputError(f"{what}: apparent positions need physical units; {system.units.name} has none.")
+        return Sight(body, other, observer, 1.0 / system.units.speed_of_light)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """Two bodies as seen from an observer, by their numbers; delay : the time that light takes for a unit of length."""
+
+    body: int
+    other: int
+    observer: int
+    delay: float
+
+    def of(self, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the positions of both bodies relative to the observer, (m, 3) each, and their velocities."""
+        found = []
+        for row in (self.body, self.other):
+            way, speed = q[:, row] - q[:, self.observer], v[:, row] - v[:, self.observer]
+            if self.delay:
+                # Where it was when light left it, seen by a moving observer: both by the relative velocity.
+                way = way - (self.delay * np.sqrt(dot(way, way)))[:, None] * speed
+            found.append((way, speed))
+        (a, va), (b, vb) = found
+        return a, b, va, vb
+
+
+class SeenBound(Bound):
+    """A function of two bodies as seen from a third one; all columns are of these."""
+
+    def __init__(self, words: tuple[str | None, str | None], sight: Sight) -> None:
+        super().__init__(words, [(sight.body, sight.other)])
+        self._sight = sight
+
+    def bodies(self) -> Whole:
+        """Return the numbers of the three bodies."""
+        return np.array([self._sight.body, self._sight.other, self._sight.observer])
+
+    def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
+        """Return the function, (m, 1)."""
+        return self.of(*self._sight.of(q, v))[:, None]
+
+    def of(self, a: Array, b: Array, va: Array, vb: Array) -> Array:
+        """Return the function of positions and velocities relative to the observer, (m, 3) each."""
+        raise NotImplementedError
+
+    def figures(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
+        """Return the distance of the two bodies, their relative speed, and the angle between them, (m, 3)."""
+        out = super().figures(t, q, v, columns)
+        a, b, _, _ = self._sight.of(q, v)
+        out[:, 2] = angle_between(a, b)
+        return out
+
+
+@dataclass(frozen=True)
+class Conjunction(Seen):
+    """Two bodies have the same longitude, as seen from a third one.
+
+    body, other, observer : names of three bodies
+    frame : "ecliptic" (of J2000) for longitudes, "icrf" for right ascensions, or "system"; by default `System.frame`
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
+    then : "record", "stop", or what is to be done; see `orbits.Event`
+    """
+
+    frame: str | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.frame is not None:
+            checked_frame(self.frame)
+
+    def bound(self, system: System) -> list[Bound]:
+        """Return the sine of the difference of longitudes, times the distances from the axis."""
+        word = type(self).__name__.lower()
+        sign = -1.0 if word == "opposition" else 1.0
+        return [Longitudes((word, word), self.sight(system), axes_of(system, self.frame), sign)]
+
+
+@dataclass(frozen=True)
+class Opposition(Conjunction):
+    """Two bodies have opposite longitudes, as seen from a third one; see `Conjunction`."""
+
+
+class Longitudes(SeenBound):
+    """The sine of the difference of two longitudes, times distances, whose zeros count where its cosine has a sign."""
+
+    def __init__(self, words: tuple[str | None, str | None], sight: Sight, axes: Array, sign: float) -> None:
+        super().__init__(words, sight)
+        self._axes, self._sign = axes, sign
+
+    def of(self, a: Array, b: Array, va: Array, vb: Array) -> Array:
+        """Return the sine."""
+        x, y, _ = self._axes
+        return np.asarray(dot(a, y) * dot(b, x) - dot(a, x) * dot(b, y))
+
+    def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
+        """Return where the cosine has the right sign."""
+        a, b, _, _ = self._sight.of(q, v)
+        x, y, _ = self._axes
+        return np.asarray(self._sign * (dot(a, x) * dot(b, x) + dot(a, y) * dot(b, y)) > 0.0)
+
+
+@dataclass(frozen=True)
+class Transit(Seen):
+    """A body passes in front of another one, as seen from a third one: its contacts, and where they are closest.
+
+    body, other, observer : names of three bodies; the first two need radii
+    apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
+        in v/c; otherwise where they are
+    then : "record", "stop", or what is to be done; see `orbits.Event`
+
+    The discs touch at the first and the fourth contact from outside, at the second and the third from inside.
+    """
+
+    def bound(self, system: System) -> list[Bound]:
+        """Return three functions: the distances of the discs, and the change of the angle between their centres."""
+        word, sight = type(self).__name__.lower(), self.sight(system)
+        radii = [0.0, 0.0] if system.radii is None else system.radii.value[[sight.body, sight.other]].tolist()
+        for name, radius in zip((self.body, self.other), radii, strict=True):
+            if not radius > 0.0:
+                raise InputError(
+                    f"{type(self).__name__} needs the radius of {name}; expected radii in the system: "
+                    "System(radii=...), or system.add(..., radius=...)."
+                )
+        sign = 1.0 if word == "transit" else -1.0
+        outer, inner, least = ((1, 4), (2, 3), None)
+        return [
+            Discs(tuple(f"{word}, contact {k}" for k in outer), sight, radii, sign, 1.0),
+            Discs(tuple(f"{word}, contact {k}" for k in inner), sight, radii, sign, -1.0),
+            Closest((least, f"{word}, closest"), sight, radii, sign),
+        ]
+
+
+@dataclass(frozen=True)
+class Occultation(Transit):
+    """A body passes behind another one, as seen from a third one: its contacts, and where they are closest; see
+    `Transit`.
+    """
+
+
+class Discs(SeenBound):
+    """The angle between two bodies, less the sum or the difference of the angular radii of their discs.
+
+    radii : of both; sign : 1 if the first one is to be nearer, -1 if it is to be farther
+    touching : 1 for discs that touch from outside, -1 for one within the other
+    """
+
+    def __init__(self, words: Any, sight: Sight, radii: Any, sign: float, touching: float) -> None:
+        super().__init__(words, sight)
+        self._radii, self._sign, self._touching = radii, sign, touching
+
+    def of(self, a: Array, b: Array, va: Array, vb: Array) -> Array:
+        """Return the angle less the sum, or the difference, of the radii."""
+        one, two = disc(self._radii[0], a), disc(self._radii[1], b)
+        return np.asarray(angle_between(a, b) - (one + two if self._touching > 0.0 else abs(one - two)))
+
+    def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
+        """Return where the first body is on the right side of the second one."""
+        a, b, _, _ = self._sight.of(q, v)
+        return np.asarray(self._sign * (dot(b, b) - dot(a, a)) > 0.0)
+
+
+class Closest(Discs):
+    """The change of the angle between two bodies, whose discs overlap."""
+
+    def __init__(self, words: Any, sight: Sight, radii: Any, sign: float) -> None:
+        super().__init__(words, sight, radii, sign, 1.0)
+
+    def of(self, a: Array, b: Array, va: Array, vb: Array) -> Array:
+        """Return d/dt of minus the cosine of the angle, times the distances."""
+        ab, aa, bb = dot(a, b), dot(a, a), dot(b, b)
+        return np.asarray(ab * (dot(a, va) / aa + dot(b, vb) / bb) - dot(va, b) - dot(a, vb))
+
+    def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
+        """Return where the discs overlap, and the first body is on the right side."""
+        overlap = Discs.of(self, *self._sight.of(q, v)) < 0.0
+        return np.asarray(overlap & super().keeps(t, q, v, columns))
+
+
+def disc(radius: float, way: Array) -> Array:
+    """Return the angular radius of a sphere; a right angle within it."""
+    return np.asarray(np.arcsin(np.minimum(radius / np.sqrt(dot(way, way)), 1.0)))
+
+
+def angle_between(a: Array, b: Array) -> Array:
+    """Return the angles between vectors, (m,)."""
+    across = np.cross(a, b)
+    return np.asarray(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))

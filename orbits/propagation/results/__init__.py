@@ -1,0 +1,1 @@
+"""What a run answers with: closest approaches, error bars, states at any time."""

@@ -1,0 +1,247 @@
+"""Marches of a finished run up to its close approaches, and the pairs there, which are moved by partial steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import padded
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Clock, Place
+from orbits.marching.following.excursion_rules import METHOD
+from orbits.propagation.events.particles import with_light
+from orbits.propagation.marchers import bound, march_of
+from orbits.system.model import continued, model, most_inner
+from orbits.trajectory.work import accounts_of
+
+if TYPE_CHECKING:
+    from orbits.forces.base import Force
+    from orbits.marching.marcher import Marcher
+    from orbits.propagation.results.passages_seen import Passage
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class Walk:
+    """A march of massive and some massless bodies along the steps of a run, from a sample or (-1) its start."""
+
+    def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
+        system = trajectory.system
+        q, v, time = _state(trajectory, sample)
+        self._massive = system.massive
+        wanted = self._massive.copy()
+        wanted[list(bodies)] = True
+        self.bodies = np.flatnonzero(wanted)
+        step, rest = trajectory.clock.place(time)
+        self.step: float = step + (rest != 0.0)
+        self._clock = trajectory.clock
+        self._integrator, self._system = trajectory.integrator, system
+        if most_inner(system) and sample >= 0:
+            self._system = continued(system, accounts_of(trajectory)[sample])
+        self._excursions = trajectory.excursions
+        self.marcher = self._bound(self.bodies, q[wanted], v[wanted], time)
+        if self._clock.changes:
+            self._begun = self.step = time
+        elif rest != 0.0:
+            at = self._clock.time(self.step)
+            state = self.marcher.state_after(self._clock.h - rest)
+            self._continue()
+            self.marcher = self._bound(self.bodies, *state, at)
+        self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
+
+    def to(self, step: float) -> None:
+        """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
+        if self._clock.changes:
+            self.step = step
+            self.marcher.advance_to(Place(0, step - self._begun))
+            return
+        # Passages between two steps, of bodies that took chosen ones there, have their state within a step.
+        self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
+        self.marcher.advance_to(self._place)
+        self.step = step
+
+    def states(self, steps: Array) -> tuple[Array, Array]:
+        """March on, and return q and v of its bodies, (m, bodies, 3), at the beginnings of m steps ahead, in order."""
+        places, rows = np.unique(np.abs(steps), return_inverse=True)
+        q, v = np.empty((2, len(places), len(self.bodies), 3))
+        if not self._clock.changes:
+            for k, step in enumerate(places.tolist()):
+                self.to(step)
+                q[k], v[k] = self._state()
+            return q[rows], v[rows]
+        times, k = self._clock.direction * places - self._begun, 0
+        while k < len(times):
+            self.marcher.advance_to(Place(0, times[k]))
+            for state in self.marcher.states_before_next(times[k:]):
+                q[k], v[k] = state
+                k += 1
+        return q[rows], v[rows]
+
+    def chooses(self, step: float) -> bool:
+        """Return whether steps are chosen there one by one, as on an excursion from a map."""
+        return self._clock.changes or self._excursions.include(step)
+
+    def pair(self, passage: Passage) -> OnePair:
+        """Return the massive bodies together with the pair of a passage, in their present state."""
+        wanted = self._massive.copy()
+        wanted[[passage.body, passage.other]] = True
+        there = wanted[self.bodies]
+        q, v = self._state()
+        self._continue()
+        bodies = self.bodies[there]
+        start = float(self._clock.time(self.step))
+        if self.chooses(self.step) and not self._clock.changes:
+            chosen = METHOD, Adaptive().towards(self._clock.direction)
+            return OnePair(self._bound(bodies, q[there], v[there], start, *chosen), bodies, passage)
+        return OnePair(self._bound(bodies, q[there], v[there], start), bodies, passage)
+
+    def _continue(self) -> None:
+        """Give forces the internal variables that they have at the state returned last."""
+        if most_inner(self._system):
+            names = [self._system.names[i] for i in self.bodies]
+            self._system = continued(self._system, self.marcher.accounts(), names)
+
+    def _state(self) -> tuple[Array, Array]:
+        place = Place(0, self.step - self._begun) if self._clock.changes else self._place
+        return self.marcher.state_at(place)
+
+    def _bound(
+        self,
+        bodies: NDArray[np.intp],
+        q: Array,
+        v: Array,
+        start: float,
+        integrator: Integrator | None = None,
+        clock: Clock | None = None,
+    ) -> Marcher:
+        # All massive bodies are included, so the model of the run applies.
+        values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
+        how = integrator or self._integrator, clock or self._clock
+        return march_of(values, *how, model(self._system, bodies), start=start, underway=True)
+
+
+class Pairs(Protocol):
+    """The pairs of some passages at the beginnings of their steps."""
+
+    def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
+        """Return position and velocity of the bodies of some passages relative to the others, (m, 6), after partial
+        steps of offsets (m,).
+        """
+
+    def about(self, dominant: int) -> Array:
+        """Return position and velocity of the bodies relative to the dominant one, (passages, 6); 0 without one."""
+
+
+class OnePair:
+    """The massive bodies, and the massless ones of a pair, at the beginning of a step, in a march of their own."""
+
+    def __init__(self, marcher: Marcher, bodies: NDArray[np.intp], passage: Passage) -> None:
+        self._marcher, self._rows = marcher, {int(body): row for row, body in enumerate(bodies)}
+        self._passage = passage
+
+    def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
+        """Return position and velocity of the body relative to the other, (m, 6), after partial steps."""
+        found = [self._relative(self._passage.other, offset) for offset in offsets.tolist()]
+        return np.array(found).reshape(len(rows), 6)
+
+    def about(self, dominant: int) -> Array:
+        """Return position and velocity of the body relative to the dominant one, (1, 6)."""
+        none = dominant < 0 or self._passage.body == dominant
+        return np.zeros((1, 6)) if none else self._relative(dominant, 0.0)[None]
+
+    def _relative(self, other: int, offset: float) -> Array:
+        q, v = self._marcher.state_after(offset)
+        i, j = self._rows[self._passage.body], self._rows[other]
+        return np.concatenate([q[i] - q[j], v[i] - v[j]])
+
+
+class PairsTogether:
+    """Pairs at the beginnings of their steps, whose partial steps are taken together.
+
+    passages : between massive bodies, or of massless ones on which the same forces act: these have a mass here, which
+        moves nothing, so that all of them are one problem
+    bodies : (m,) numbers of those with states q and v, (passages, m, 3), in ascending order: all massive ones, and the
+        massless ones whose passages have no recorded state
+    """
+
+    def __init__(
+        self, trajectory: Trajectory, passages: Sequence[Passage], bodies: NDArray[np.intp], q: Array, v: Array
+    ) -> None:
+        system, clock = trajectory.system, trajectory.clock
+        light = massless_of(system, passages[0])
+        acting, there = with_light(system, light)
+        order, count = np.flatnonzero(there).tolist(), len(passages)
+        place, row = {body: k for k, body in enumerate(order)}, {body: k for k, body in enumerate(bodies.tolist())}
+        heavy = [body for body in order if system.massive[body]]
+        states = np.empty((count, 2, len(order), 3))
+        states[:, :, [place[body] for body in heavy]] = np.stack([q, v], axis=1)[:, :, [row[body] for body in heavy]]
+        for k, passage in enumerate(passages):
+            for body in massless_of(system, passage):
+                place[body] = place[light[0]]
+                if passage.state is None:
+                    states[k, 0, place[body]], states[k, 1, place[body]] = q[k, row[body]], v[k, row[body]]
+                    continue
+                sign, other = (1.0, passage.other) if body == passage.body else (-1.0, passage.body)
+                states[k, :, place[body]] = states[k, :, place[other]] + sign * passage.state.reshape(2, 3)
+        self._n, self._states, self._place = len(order), states, place
+        self._bodies = np.array([place[passage.body] for passage in passages])
+        self._others = np.array([place[passage.other] for passage in passages])
+        self._path = np.zeros((count, 2, padded(3 * self._n)))
+        self._path[:, :, : 3 * self._n] = states.transpose(0, 1, 3, 2).reshape(count, 2, -1)
+        self._times = np.asarray(clock.time(np.array([passage.step for passage in passages])), dtype=np.float64)
+        one = states[0, 0], states[0, 1]
+        march = bound(acting, trajectory.integrator, clock, threads=1, state=one, underway=True)
+        self._partial = march.partial_steps()
+
+    def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
+        """Return position and velocity of the bodies of some passages relative to the others, (m, 6)."""
+        q, v = np.empty((2, len(rows), 3 * self._n))
+        starts, every = rows.astype(np.int64), np.ones(len(rows), dtype=bool)
+        self._partial.take(self._path, starts, self._times[rows], np.ascontiguousarray(offsets), every, q, v)
+        both = np.stack([q, v], axis=1).reshape(len(rows), 2, 3, self._n)
+        k = np.arange(len(rows))
+        return (both[k, :, :, self._bodies[rows]] - both[k, :, :, self._others[rows]]).reshape(len(rows), 6)
+
+    def about(self, dominant: int) -> Array:
+        """Return position and velocity of the bodies relative to the dominant one, (passages, 6)."""
+        k = np.arange(len(self._states))
+        if dominant < 0:
+            return np.zeros((len(k), 6))
+        own, other = self._states[k, :, self._bodies], self._states[:, :, self._place[dominant]]
+        return (own - other).reshape(len(k), 6)
+
+
+def massless_of(system: System, passage: Passage) -> tuple[int, ...]:
+    """Return the massless body of a passage, if there is one."""
+    return tuple(body for body in (passage.body, passage.other) if not system.massive[body])
+
+
+def role_of(system: System, passage: Passage) -> Hashable:
+    """Return what decides which equations the pair of a passage obeys: those of bodies with the same role are the same,
+    as forces that name bodies act alike on both.
+    """
+    return tuple(_share(force, system.names[body]) for body in massless_of(system, passage) for force in system.forces)
+
+
+def _share(force: Force, name: str) -> Hashable:
+    """Return what a force does to a massless body: the numbers that it has for it alone, or whether it acts on it."""
+    if force.bodies is None or name not in force.bodies:
+        return force.bodies is None
+    values = (getattr(force, field) for field in getattr(force, "per_body", ()))
+    k = list(force.bodies).index(name)
+    return tuple(str(value[k]) for value in values if isinstance(value, tuple))
+
+
+def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
+    """Return q and v, (bodies, 3), and the time of a sample, or (-1) of the start of the run."""
+    if sample < 0:
+        return trajectory.system.values.q, trajectory.system.values.v, 0.0
+    q, v = trajectory.sample(sample)
+    return q, v, float(trajectory.times[sample])

@@ -1,0 +1,229 @@
+"""The passages recorded by the marcher of a run, with the bodies numbered as in the system."""
+
+from __future__ import annotations
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import ArchiveError, IntegrationError
+from orbits.kernels.search import record
+from orbits.kernels.search.record import DISTANCE2, PARTNER, SPEED2, TIME
+from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.propagation.checks.passage_effect import Pair
+from orbits.propagation.marchers import bound, restore, unchanged
+from orbits.system.model import given_bodies
+
+if TYPE_CHECKING:
+    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.marcher import Marcher
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+UNBOUND = 2.0 * (1.0 + 1e-6)
+"""The least v^2 r / GM at the pericentre of a hyperbola, with a margin for passages that are only estimated."""
+
+SAME = 1.5
+"""The number of steps by which two records of one passage may differ."""
+
+
+class Record(NamedTuple):
+    """The record of a marcher: `closest` (4, 2, rows) and `listed` (n, columns), see `orbits.kernels.search.record`;
+    the number of passages left out; the row, in the kernels' order, of the body that dominates the system, or -1; the
+    distance from each massive body within which flybys are listed; and the reading of the clock.
+    """
+
+    closest: Array
+    listed: Array
+    left_out: int
+    dominant: int
+    reaches: Array
+    end: float
+
+    @classmethod
+    def of(cls, marcher: Marcher, end: float) -> Record:
+        """Return the record of a marcher so far, including the rest of the run up to its end, which is less than a
+        step; if steps differ, the march itself ends there, and cannot go on.
+        """
+        dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
+        if isinstance(marcher, LeavingMarcher) and marcher.is_away:
+            return cls(*marcher.record_at(end), dominant, reaches, step)
+        if marcher.clock.changes:
+            if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
+                with suppress(IntegrationError):  # where the run itself failed
+                    marcher.end_at(end)
+            return cls(marcher.approaches(), *marcher.passages(), dominant, reaches, marcher.reading)
+        closest, (listed, left_out) = marcher.approaches(), marcher.passages()
+        h = marcher.clock.h
+        rest = end - marcher.clock.time(step)
+        if not 0.0 < rest / h < 1.0:
+            return cls(closest, listed, left_out, dominant, reaches, step)
+        try:
+            part = marcher.part_of_a_step(rest)
+        except IntegrationError:  # where the run itself failed
+            return cls(closest, listed, left_out, dominant, reaches, step)
+        share = rest / h
+        later, (more, _) = part.approaches(), part.passages()
+        later[TIME] = step + share * later[TIME]
+        nearer = later[DISTANCE2] < closest[DISTANCE2]
+        closest = np.where(nearer, later, closest)
+        more = more.copy()
+        more[:, record.STEP] = step
+        more[:, record.WHEN] = step + share * more[:, record.WHEN]
+        return cls(closest, np.concatenate([listed, more]), left_out, dominant, reaches, step)
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """One passage of a body by another one, numbered as in the system; floats in its units.
+
+    step : reading of the clock at the time of the states, the beginning of a step; steps : reading at the pericentre
+    distance, speed : at the pericentre
+    state : (6,), position and velocity relative to the other body, or None if they are not known
+    about : (6,), relative to the dominant body; zeros without one
+    """
+
+    body: int
+    other: int
+    step: float
+    steps: float
+    distance: float
+    speed: float
+    state: Array | None = None
+    about: Array | None = None
+
+    def pair(self, system: System, dominant: int) -> Pair | None:
+        """Return the lighter body and the other for `passage_effect`; None if the states are not known.
+
+        dominant : number of the body that dominates the system, or -1
+        """
+        if self.state is None or self.about is None:
+            return None
+        gm = system.values.gm
+        mu, state, about = float(gm[self.body] + gm[self.other]), self.state, self.about
+        light, heavy, other = self.body, self.other, about - state
+        if gm[light] > gm[heavy]:
+            light, heavy, state, other = heavy, light, -state, about
+        if dominant < 0 or heavy == dominant:
+            other = np.zeros(6)
+        return Pair(
+            mu,
+            float(gm[heavy]) / mu,
+            state[:3],
+            state[3:],
+            system.values.softening,
+            float(gm[dominant]) if dominant >= 0 else 0.0,
+            other[:3],
+            other[3:],
+        )
+
+
+class Seen:
+    """All known passages of a run: the listed ones, and the closest approach of each body.
+
+    passages : numbered from 0; errors : the errors at the end of the run that they cause, if known; refined : the
+        numbers of those refined to the accuracy of the orbit; estimated : those among them for which that was not
+        possible, so that they are as recorded, from the two-body orbit within the step
+    dominant : number of the body that dominates the system, or -1
+    reach : (bodies,), distance within which flybys are listed; end : reading of the clock at the end of the run
+    closest : (bodies, 2) numbers of passages, -1 for none: the closest to the dominant body, and to any other body
+    flybys : numbers of the listed passages, and of the closest approaches to bodies other than the dominant one, or to
+        that one on a hyperbola
+    """
+
+    def __init__(self, system: System, record: Record, clock: Clock) -> None:
+        massive = system.massive
+        self._order = np.concatenate([np.flatnonzero(massive), np.flatnonzero(~massive)])
+        self._gm = system.values.gm
+        self.dominant = int(self._order[record.dominant]) if record.dominant >= 0 else -1
+        self.left_out, self.end, self._clock = record.left_out, record.end, clock
+        self.refined: set[int] = set()
+        self.estimated: set[int] = set()
+        self.errors: dict[int, float | None] = {}
+        self.reach = np.zeros(len(system))
+        self.reach[massive] = record.reaches
+        # Of two bodies that are read from an ephemeris, only the states at the ends of steps are known.
+        given = np.isin(system.names, given_bodies(system))
+        listed = [self._listed(row) for row in record.listed]
+        self.passages = [one for one in listed if not (given[one.body] and given[one.other])]
+        self.closest = np.full((len(system), 2), -1)
+        for row, body in enumerate(self._order):
+            for column in (0, 1):
+                if math.isfinite(record.closest[DISTANCE2, column, row]) and not given[body]:
+                    self.closest[body, column] = self._number_of(record.closest[:, column, row], int(body))
+
+    @classmethod
+    def by(cls, trajectory: Trajectory, record: Record | None) -> Seen:
+        """Return the passages of a run; without `record`, those in the last checkpoint of its archive."""
+        if record is None:
+            assert trajectory.archive is not None
+            marcher = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1)
+            restore(marcher, unchanged(trajectory.archive.checkpoint()), trajectory.archive.path)
+            if not trajectory.clock.changes and marcher.step > trajectory.archive.grid.whole_steps:
+                raise ArchiveError(
+                    f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
+                    "behind the end of the run. Restore it from a copy."
+                )
+            record = Record.of(marcher, trajectory.reached if trajectory.complete else trajectory.last_time)
+        return cls(trajectory.system, record, trajectory.clock)
+
+    @cached_property
+    def flybys(self) -> list[int]:
+        """Numbers of the passages by bodies other than the dominant one, and by that one on a hyperbola, in order of
+        discovery.
+        """
+        passages = enumerate(self.passages)
+        return [k for k, one in passages if self.dominant not in (one.body, one.other) or self._free(one)]
+
+    def _free(self, passage: Passage) -> bool:
+        """Return whether two bodies leave each other for good after a passage."""
+        return passage.speed**2 * passage.distance > UNBOUND * self.gm(passage)
+
+    def _listed(self, row: Array) -> Passage:
+        begin, end = record.STATE, record.ABOUT
+        return Passage(
+            body=int(self._order[int(row[record.ROW])]),
+            other=int(self._order[int(row[record.MATE])]),
+            step=float(row[record.STEP]),
+            steps=float(row[record.WHEN]),
+            distance=math.sqrt(row[record.LEAST2]),
+            speed=math.sqrt(row[record.FASTEST2]),
+            state=row[begin:end],
+            about=row[end:],
+        )
+
+    def _number_of(self, entry: Array, body: int) -> int:
+        """Return the number of a closest approach, which is added to the list if needed."""
+        other, steps = int(self._order[int(entry[PARTNER])]), float(entry[TIME])
+        key = (min(body, other), max(body, other))
+        same = 0.0 if self._clock.changes else SAME
+        for k in self._numbers.get(key, ()):
+            if self.passages[k].steps == steps or abs(self.passages[k].steps - steps) < same:
+                return k
+        distance, speed = math.sqrt(entry[DISTANCE2]), math.sqrt(entry[SPEED2])
+        begin: float = math.floor(steps)
+        if self._clock.changes:  # the step there is unknown: half the duration of the passage
+            way = 0.5 * distance / speed if speed > 0.0 else 0.0
+            begin = steps - self._clock.direction * min(way, abs(steps))
+        self.passages.append(Passage(body, other, begin, steps, distance, speed))
+        self._numbers.setdefault(key, []).append(len(self.passages) - 1)
+        return len(self.passages) - 1
+
+    @cached_property
+    def _numbers(self) -> dict[tuple[int, int], list[int]]:
+        numbers: dict[tuple[int, int], list[int]] = {}
+        for k, passage in enumerate(self.passages):
+            key = (min(passage.body, passage.other), max(passage.body, passage.other))
+            numbers.setdefault(key, []).append(k)
+        return numbers
+
+    def gm(self, passage: Passage) -> float:
+        """Return the total GM of the two bodies of a passage."""
+        return float(self._gm[passage.body] + self._gm[passage.other])

@@ -1,0 +1,81 @@
+"""Going on with the run in an archive: its march from one of its checkpoints, or from the start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from orbits.errors import ArchiveError
+from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.propagation.chain_of_legs import ChangingMarch, March, march_of_run
+from orbits.propagation.events.base import Sample, Sought
+from orbits.propagation.events.from_archive import sought_again
+from orbits.propagation.events.seeking import Seeking
+from orbits.propagation.marchers import restore
+from orbits.propagation.resuming.sample_store import accounts_in
+from orbits.system.model import most_inner
+from orbits.time_grid import TimeGrid
+from orbits.trajectory.archived import made_by
+
+if TYPE_CHECKING:
+    from orbits.archive import Archive
+
+
+def taken_up(
+    archive: Archive,
+    grid: TimeGrid,
+    place: tuple[dict[str, Any], int] | None,
+    events: Sought | Sequence[Sought],
+    *,
+    exactly: bool,
+    threads: int | None,
+) -> tuple[March, Seeking, Any]:
+    """Return the march of an archived run, what it seeks, and the accounts of its forces.
+
+    place : one of its checkpoints, with the number of samples before it; None for the start
+    events, exactly : as in `resume`
+    """
+    system, path, (integrator, _) = archive.system, archive.path, made_by(archive)
+    seeking = sought_again(archive, events, path, exactly)
+    marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
+    accounts = accounts_in(archive, len(grid), len(system.forces), most_inner(system))
+    if place is not None:
+        checkpoint, committed = place
+        restore(marcher, checkpoint, path)
+        seeking.restore(checkpoint, marcher.reading != 0, path)
+        if isinstance(marcher, ChangingMarch):
+            marcher.follow_events()
+        _check_place(marcher, grid, committed, path)
+    return marcher, seeking, accounts
+
+
+def last_sample(archive: Archive, committed: int) -> Sample | None:
+    """Return the last of the first samples in an archive, if there is one."""
+    if not committed:
+        return None
+    k = committed - 1
+    return Sample(float(archive.times[k]), np.array(archive.q[k]), np.array(archive.v[k]))
+
+
+def _check_place(marcher: March, grid: TimeGrid, committed: int, path: str | PathLike[str]) -> None:
+    """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
+    if grid.clock.changes:
+        following = float(grid.goals[committed])
+        if not (following - marcher.time) * grid.direction >= 0.0:
+            raise ArchiveError(
+                f"{path} is damaged: its checkpoint is at {marcher.time:.10g}, behind the next sample, "
+                f"{following:.10g}. Restore it from a copy."
+            )
+        return
+    steps = grid.steps
+    # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
+    away = isinstance(marcher, LeavingMarcher) and marcher.is_away
+    last = int(steps[committed - 1]) if committed and not away else 0
+    if not last <= marcher.step <= int(steps[committed]):
+        raise ArchiveError(
+            f"{path} is damaged: its checkpoint is at step {marcher.step}, but the samples before and after it are at "
+            f"steps {last} and {int(steps[committed])}. Restore it from a copy."
+        )

@@ -1,0 +1,189 @@
+"""Marching a finished run again, for states between its samples and for closest approaches."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.checks import checked_flag
+from orbits.errors import InputError, IntegrationError
+from orbits.marching.planet_excursions import PREFIX as AWAY
+from orbits.time_grid import TimeGrid
+
+if TYPE_CHECKING:
+    from orbits.marching.following.retirement import Retirement
+    from orbits.marching.marcher import Marcher
+    from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.propagation.control.stop_conditions import Stop
+    from orbits.propagation.results.approach import Approach
+    from orbits.propagation.results.approaches import Approaches
+    from orbits.propagation.results.error_bars import ErrorBars
+    from orbits.propagation.results.passages_seen import Seen
+    from orbits.propagation.variations.megno import Megno
+    from orbits.propagation.variations.state_transition import StateTransition
+    from orbits.trajectory import Trajectory
+    from orbits.trajectory.again import March
+    from orbits.trajectory.retired import RetiredParticles
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Marches runs again with their own method and step; `propagate` and `resume` give it to a `Trajectory`."""
+
+    def begun(self, run: Trajectory) -> March:
+        """Return a march of a run from its initial state."""
+        from orbits.propagation.marchers import bound
+
+        _refuse_legs(run, "run.to_spk() and run.begun() march")
+        return bound(run.system, run.integrator, run.clock)
+
+    def at(self, run: Trajectory, t: Any) -> Any:
+        """Return the state of a run at a time, or the states at several."""
+        from orbits.propagation.results.dense_output import state_at
+
+        return state_at(run, t)
+
+    def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
+        """Return q and v, (m, bodies, 3), at m times before the earliest one of a run."""
+        from orbits.propagation.results.earlier_states import states_before
+
+        return states_before(run, times)
+
+    def closest_approaches(self, run: Trajectory) -> Approaches:
+        """Return the closest approaches of bodies in a run.
+
+        Raises InputError for a trajectory with samples only.
+        """
+        from orbits.propagation.results.approaches import Approaches
+
+        return Approaches(run, seen_by(run))
+
+    def unresolved(self, run: Trajectory) -> list[Approach]:
+        """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
+        from orbits.propagation.checks.unresolved_passages import spoiling
+        from orbits.propagation.results.approaches import Approaches
+
+        seen = seen_by(run)
+        approaches = Approaches(run, seen)
+        if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
+            approaches.know_all()
+        found = [k for k, _ in spoiling(run, seen)]
+        return approaches.several(found)
+
+    def error_estimate(self, run: Trajectory) -> ErrorBars:
+        """Return the error bars of a run, from two companions."""
+        from orbits.propagation.results.error_estimate import error_bars
+
+        _refuse_legs(run, "the companions of run.error_estimate() march")
+        return error_bars(run)
+
+    def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
+        """Return MEGNO and Lyapunov exponents along a run."""
+        from orbits.propagation.variations.following import require_followable
+        from orbits.propagation.variations.megno import checked_seed, megno_of
+
+        _refuse_legs(run, "the tangent vectors of run.megno() march")
+        grid, seed = TimeGrid(run.clock, run.times), checked_seed(seed)
+        require_followable(run.system, run.integrator, grid)
+        return megno_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
+
+    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+        """Return the state-transition matrices at the samples of a run."""
+        from orbits.propagation.variations.following import require_followable
+        from orbits.propagation.variations.state_transition import state_transition_of
+
+        _refuse_legs(run, "the tangent vectors of run.state_transition() march")
+        grid = TimeGrid(run.clock, run.times)
+        require_followable(run.system, run.integrator, grid)
+        return state_transition_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"))
+
+    def retired(self, run: Trajectory) -> RetiredParticles:
+        """Return the retired particles of a run in an archive, as listed in its last checkpoint, and those lost between
+        its last whole step and its last sample.
+        """
+        from orbits.trajectory.retired import RetiredParticles
+
+        checkpoint = {} if run.archive is None else run.archive.checkpoint()
+        listed = checkpoint.get("retired")
+        lost = [checkpoint[name][:, 0].any() for name in ("retired", AWAY + "retired") if name in checkpoint]
+        if listed is None or not (any(lost) or (len(run) and np.isnan(run.q[-1].value).any())):
+            return RetiredParticles()
+        from orbits.marching.following.particle_excursions import parts_taken
+        from orbits.marching.following.retirement import retirements
+
+        particles = np.flatnonzero(~run.system.massive)
+        q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
+        parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.follows_encounters else None
+        names = [run.names[k] for k in np.flatnonzero(run.system.massive)]
+        rows = retirements(listed, q, v, particles, clocks, parts, names)
+        if run.integrator.follows_meetings or (run.changes is None and missing(run, rows)):
+            from orbits.propagation.marchers import bound, restore
+
+            marcher = bound(run.system, run.integrator, run.clock)
+            restore(marcher, checkpoint, str(run.path))
+            rows = lost_by_the_end(marcher, run)
+        return RetiredParticles.of(run.system, run.clock, rows)
+
+    def stopped(self, run: Trajectory) -> Stop:
+        """Return why and where a run in an archive was ended."""
+        from astropy import units as u
+
+        from orbits.propagation.control.stop_conditions import Stop
+
+        assert run.archive is not None
+        ended = run.archive.ended
+        time = run.reached if ended.time is None else ended.time
+        return Stop(ended.why, None, u.Quantity(time, run.system.units.time), self.at(run, time))
+
+
+REPLAY = Replay()
+
+
+def missing(run: Trajectory, retired: list[Retirement]) -> bool:
+    """Return whether massless particles have no place in the last sample of a run, though they are not retired."""
+    if not len(run) or run.system.massive.all():
+        return False
+    lost = np.isnan(run.q[-1].value).any(axis=1) & ~run.system.massive
+    return bool(set(np.flatnonzero(lost)) - {one.body for one in retired})
+
+
+def lost_by_the_end(march: Marcher | ChangingMarch, run: Trajectory) -> list[Retirement]:
+    """Return the retired particles of a run, whose march is at its end, with those lost in the step that leads beyond:
+    it is marched up to the last sample, on a copy.
+    """
+    retired = march.retired()
+    if missing(run, retired):
+        with suppress(IntegrationError):  # of the massive bodies, where the run ends
+            return march.retired_by(float(run.times[-1]))
+    return retired
+
+
+def _refuse_legs(run: Trajectory, what: str) -> None:
+    """Raise InputError for a run whose massive bodies changed on the way."""
+    if run.changes is not None and run.changes.acted_on_massive:
+        raise InputError(
+            f"{what} the same bodies from start to end, but in this run bodies merge, bounce, or are changed at events "
+            "(see run.events and run.legs). run.at(times) and the samples go through these changes."
+        )
+
+
+def seen_by(run: Trajectory) -> Seen:
+    """Return the passages of a run, which are determined once and stored with it."""
+    _refuse_legs(run, "run.closest_approaches() and run.unresolved() follow")
+    if run.record is None and run.archive is None:
+        raise InputError(
+            f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "
+            "returned by orbits.propagate or orbits.resume."
+        )
+    if run.passages is None:
+        from orbits.propagation.results.passages_seen import Seen
+
+        run.passages = Seen.by(run, run.record)
+    seen: Seen = run.passages
+    return seen

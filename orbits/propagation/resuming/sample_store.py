@@ -1,0 +1,180 @@
+"""Storage for the samples of a run: in memory, or chunk by chunk in an archive with regular commits."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.archive.ended import ENDED, Ended
+from orbits.archive.pace import PACE, Pace
+from orbits.errors import ArchiveError, InputError
+from orbits.kernels.gravity.terms_and_forces import FIGURES
+from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
+
+if TYPE_CHECKING:
+    from orbits.archive import Archive, ArchiveWriter
+    from orbits.propagation.events.seeking import Seeking
+    from orbits.propagation.resuming.step_store import StepStore
+
+Array = NDArray[np.float64]
+
+CHUNK_BYTES = 16 * 1024 * 1024
+"""Samples kept in memory before they are written."""
+
+COMMIT_SECONDS = 10.0
+"""The longest time between commits of an archive, and so the most that is lost when a machine fails."""
+
+FIRST_COMMIT_SECONDS = 0.25
+"""Time from the start of a run into an archive to its first commit."""
+
+ACCOUNTS = "accounts"
+"""The array of a checkpoint with the time integrals of the forces up to each sample."""
+
+COMMIT_SHARE = 0.25
+"""Commits become rarer during a run, up to `COMMIT_SECONDS`: a failing machine loses this share of the computation."""
+
+
+class Resumable(Protocol):
+    """A march that can go on from a checkpoint."""
+
+    @property
+    def time(self) -> float:
+        """The time that it has reached."""
+
+    def checkpoint(self) -> dict[str, NDArray[Any]]:
+        """Return all that is needed to resume bit for bit, as arrays of fixed shapes."""
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
+        """Restore a checkpoint. Raises InputError for one that is not of this run."""
+
+
+class SampleStore:
+    """Collects samples and passes them to an archive chunk by chunk, or keeps them all if there is none.
+
+    bodies : number of bodies in each sample; room : number of samples to expect
+    accounts : (samples, forces, 7 + most internal variables), work, torque and impulse of forces up to each sample of
+        the run, and their internal variables there, known up to the next sample; by default there are no forces
+    steps : what keeps the steps of the run for dense output, or None
+    events : those that are sought, if any
+    pace : when the run was begun or resumed, and where; None to commit nothing of it
+
+    ended : how the run ended, for the last commit
+    """
+
+    def __init__(
+        self,
+        bodies: int,
+        room: int,
+        writer: ArchiveWriter | None,
+        accounts: Array | None = None,
+        steps: StepStore | None = None,
+        events: Seeking | None = None,
+        pace: Pace | None = None,
+    ) -> None:
+        self._events, self.ended, self._pace = events, Ended(), pace
+        self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
+        self.steps = steps
+        self._next = len(self._accounts) - room
+        if writer is not None:
+            room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
+        needed = 48 * room * bodies
+        if needed > MEMORY_SHARE * memory():
+            raise InputError(
+                f"{room} samples of {bodies} bodies need {needed / 2**30:.1f} GiB of memory, more than this machine "
+                "has available; take fewer samples, or use archive=... to write them to a file during the run"
+            )
+        self._q = np.empty((room, bodies, 3))
+        self._v = np.empty((room, bodies, 3))
+        self._count = 0
+        self._begun = self._committed_at = time.perf_counter()
+
+    @property
+    def full(self) -> bool:
+        """Whether a commit is needed before the next sample."""
+        return self._writer is not None and (self._count == len(self._q) or self.overdue)
+
+    @property
+    def overdue(self) -> bool:
+        """Whether the archive is due for a commit: soon after the start, and then more and more rarely, but before the
+        steps kept for dense output fill the memory.
+        """
+        if self._writer is None:
+            return False
+        if self.steps is not None and self.steps.full:
+            return True
+        elapsed = self._committed_at - self._begun
+        pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
+        return time.perf_counter() - self._committed_at > pause
+
+    def note(self, accounts: Array) -> None:
+        """Store the time integrals of the forces up to the next sample, and their internal variables there."""
+        self._accounts[self._next] = accounts
+
+    def add(self, q: Array, v: Array) -> None:
+        """Add a sample."""
+        self._q[self._count], self._v[self._count] = q, v
+        self._count += 1
+        self._next += 1
+
+    def commit(self, marcher: Resumable) -> None:
+        """Write all samples so far, and the state to continue from, durably to the archive."""
+        if self._writer is not None:
+            if self._events is not None:
+                self._events.flush()
+            pace = None if self._pace is None else self._pace.now(marcher.time)
+            checkpoint = checkpoint_of(marcher, self._accounts, self._events, self.ended, pace)
+            new = self._q[: self._count], self._v[: self._count], checkpoint
+            if self.steps is None:
+                self._writer.commit(*new)
+            else:
+                self._writer.commit(*new, self.steps.pieces())
+                self.steps.written()
+            self._count = 0
+            self._committed_at = time.perf_counter()
+
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """Return q, v and the accounts of the samples in memory."""
+        return self._q[: self._count], self._v[: self._count], self._accounts[: self._next]
+
+
+def checkpoint_of(
+    marcher: Resumable,
+    accounts: Array,
+    events: Seeking | None = None,
+    ended: Ended | None = None,
+    pace: Pace | None = None,
+) -> dict[str, NDArray[np.generic]]:
+    """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, with the
+    events found so far, with how the run ended, if it did, and with its pace, if it is given.
+    """
+    known: dict[str, NDArray[np.generic]] = {ENDED: (Ended() if ended is None else ended).encoded()}
+    known |= {} if pace is None else {PACE: pace.encoded()}
+    known |= {ACCOUNTS: accounts.copy()} if accounts.size else {}
+    return {**marcher.checkpoint(), **known, **({} if events is None else events.checkpoint())}
+
+
+def no_accounts(samples: int, forces: int, inner: int = 0) -> Array:
+    """Return zeros, (samples, forces, 7 + inner), for the time integrals of the forces up to each sample.
+
+    inner : the most internal variables of a force
+    """
+    return np.zeros((samples, forces, FIGURES + inner))
+
+
+def accounts_in(archive: Archive, samples: int, forces: int, inner: int = 0) -> Array:
+    """Return what `no_accounts` has room for, up to each committed sample of an archive, with room for all samples.
+
+    Raises ArchiveError if its checkpoint does not have them.
+    """
+    out = no_accounts(samples, forces, inner)
+    if forces:
+        found = archive.checkpoint().get(ACCOUNTS, np.zeros(0))
+        fits = found.shape[1:] == out.shape[1:] and len(found) >= archive.committed and found.dtype == out.dtype
+        if not fits or not np.isfinite(found).all():
+            raise ArchiveError(f"{archive.path} is damaged: its checkpoint does not tell what forces did in the run.")
+        out[: archive.committed] = found[: archive.committed]
+    return out
