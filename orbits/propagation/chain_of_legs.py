@@ -577,7 +577,7 @@ class ChangingMarch:
         self.bodies = self.changes().bodies_after(rows)
         self._work = checkpoint[WORK].copy() if self._work.size else self._work
         self._there, self._leg = self.bodies.present | ~self._massive, None
-        self.changed = bool(rows and self._massive[self.rows[:, changes.BODY].astype(int)].any())
+        self.changed = self.changes().begin_legs
         self._steps, self._grid = steps, int(checkpoint["counts"][0]) if within else -1
         values, there, clock, begun = self.system.values, self._there, self.clock, 0.0
         if within:

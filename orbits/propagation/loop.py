@@ -42,7 +42,7 @@ from orbits.propagation.events.base import Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Found, Seeking
-from orbits.propagation.results.passages_seen import Record
+from orbits.propagation.results.passages_seen import Record, observed_until
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore
 from orbits.system import System
@@ -286,8 +286,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     if isinstance(marcher, ChangingMarch) and marcher.changed:
         trajectory.kept = None  # steps are of the bodies of the start
     else:
-        end = trajectory.reached if trajectory.complete else trajectory.last_time
-        trajectory.record = Record.of(of_this_leg(marcher), end)
+        trajectory.record = Record.of(of_this_leg(marcher), observed_until(trajectory))
     yield None
     try:
         with StopRequest() as late:

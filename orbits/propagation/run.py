@@ -166,7 +166,7 @@ def propagate(
     threads : number of threads for massless particles, thousands of bodies and lists of systems; None for all
         processors. The bits of the result do not depend on it
     error_estimate : whether the two companions of `run.error_estimate()` are marched after the run, in 2.4 times its
-        time; there are none, and a warning, if massive bodies merge, bounce or are changed on the way
+        time; there are none, and a warning, if bodies merge, bounce or are changed on the way
     heartbeat : for logs, instead of the bar: the wall time from line to line, such as "60 s", of lines on standard
         error with the time reached, steps per second, what is left, the drift of energy and angular momentum, and the
         samples in the archive; or an `orbits.Heartbeat`, which gives them to a function
@@ -233,7 +233,7 @@ def propagate(
 
 def _completed(run: Trajectory, dense: bool, estimated: bool, threads: int | None) -> Trajectory:
     """Return a run with its error bars, if they are asked for; warn of what a run with changes does not have."""
-    merged = run.changes is not None and run.changes.acted_on_massive
+    merged = run.changes is not None and run.changes.begin_legs
     if merged and dense:
         Finding(
             "dense=True: no steps are kept of a run in which events change the bodies; run.at(times) marches on from "
@@ -241,8 +241,8 @@ def _completed(run: Trajectory, dense: bool, estimated: bool, threads: int | Non
         ).warn()
     if estimated and merged:
         Finding(
-            "error_estimate=True: there are no error bars, as massive bodies merged, bounced or were changed at "
-            "events; the run itself is complete."
+            "error_estimate=True: there are no error bars, as bodies merged, bounced or were changed at events; the "
+            "run itself is complete."
         ).warn()
     elif estimated:
         run.error_bars = error_bars(run, threads)

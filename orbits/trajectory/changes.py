@@ -83,6 +83,14 @@ class Changes:
         return bool(self._system.massive[self.rows[:, BODY].astype(int)].any())
 
     @property
+    def begin_legs(self) -> bool:
+        """Whether bodies went on with other masses or velocities, and not only massless ones were lost: what was
+        recorded of their motion before is not that of one march.
+        """
+        lost = ~self._system.massive[self.rows[:, BODY].astype(int)] & (self.rows[:, GM] == GONE)
+        return not bool(lost.all())
+
+    @property
     def kicks(self) -> bool:
         """Whether the momentum of all bodies was changed, beyond round-off."""
         return bool(np.any(self.rows[:, IMPULSE:]))

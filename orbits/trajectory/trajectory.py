@@ -184,7 +184,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             raise
         run.archive = archive
         run.changes = changes_of(archive)
-        if run.changes is not None and run.changes.acted_on_massive:
+        if run.changes is not None and run.changes.begin_legs:
             run.kept = None  # steps are of the bodies of the start
         run.span = 0.0, archive.reached
         return run

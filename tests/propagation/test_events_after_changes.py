@@ -77,7 +77,24 @@ def test_error_bars_that_a_run_cannot_have_are_told_of():
     def burn(t, system):
         return system.replaced(v=system.v.value * [[1.0], [1.05]])
 
-    with pytest.warns(orbits.OrbitsWarning, match="no error bars, as massive bodies merged, bounced or were changed"):
+    with pytest.warns(orbits.OrbitsWarning, match="no error bars, as bodies merged, bounced or were changed"):
         run = propagate(20.0, orbits.Pericentre("p", then=burn), error_estimate=True)
     with pytest.raises(orbits.InputError, match="merge, bounce, or are changed at events"):
         run.error_estimate()
+
+
+def test_after_a_push_on_a_massless_body_nothing_answers_from_the_last_part_of_the_run_alone(tmp_path):
+    """In memory and from an archive, which had answered with the particle's closest approach since its last push."""
+    system = SYSTEM.add("c", primary="s", a=2.0, e=0.1)
+
+    def push(t, now):
+        return now.replaced(v=now.v.value * [[1.0], [1.0], [1.05]])
+
+    options = {"duration": 20.0, "events": orbits.Pericentre("p", then=push), "progress": False}
+    where = tmp_path / "run.h5"
+    orbits.propagate(system, archive=where, **options).close()
+    for run in (orbits.propagate(system, **options), orbits.Trajectory.open(where)):
+        for question in (run.closest_approaches, run.unresolved, run.error_estimate):
+            with pytest.raises(orbits.InputError, match="merge, bounce, or are changed at events"):
+                question()
+        run.close()

@@ -16,6 +16,7 @@ from orbits.propagation.checks.kepler_splitting import encounters
 from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.checks.step_check import UNRESOLVED, in_digits, instead, passage_error, step_that_resolves
 from orbits.propagation.results.approach import Approach, as_error, said
+from orbits.propagation.results.passages_seen import observed_until
 from orbits.propagation.results.refinement import refine
 
 if TYPE_CHECKING:
@@ -227,6 +228,5 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
 
 
 def _end(run: Trajectory, seen: Seen) -> float:
-    """Return the time at which a run ended: that of its last sample or, if it was stopped, of its last step."""
-    last = run.reached if run.complete else run.last_time
-    return max(last, float(run.clock.time(seen.end)), key=abs)
+    """Return the time at which a run ended: that of its last sample, or where it was stopped."""
+    return max(observed_until(run), float(run.clock.time(seen.end)), key=abs)

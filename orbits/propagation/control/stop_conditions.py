@@ -113,7 +113,8 @@ Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
 class Stop:
     """Why and where a run ended early.
 
-    reason : in words; condition : the event or the condition that was met, or None if the callback ended the run
+    reason : in words; condition : the event or the condition that was met; None if the callback ended the run, or for
+        a run that is read from an archive, which has the reason alone
     time : since the epoch, with unit; system : the state at that time
     """
 

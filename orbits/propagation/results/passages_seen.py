@@ -49,9 +49,12 @@ class Record(NamedTuple):
 
     @classmethod
     def of(cls, marcher: Marcher, end: float) -> Record:
-        """Return the record of a marcher so far, including the rest of the run up to its end, which is less than a
-        step; if steps differ, the march itself ends there, and cannot go on.
+        """Return the record of a marcher so far, including the rest of the run up to its end: the march goes on to the
+        last whole step before it; if steps differ, it ends there, and cannot go on.
         """
+        with suppress(IntegrationError):  # where the run itself failed
+            if not marcher.clock.changes and abs(end) > abs(marcher.time):  # it was stopped behind its last sample
+                marcher.advance_to(marcher.clock.place(end))
         dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
         if isinstance(marcher, LeavingMarcher) and marcher.is_away:
             return cls(*marcher.record_at(end), dominant, reaches, step)
@@ -78,6 +81,11 @@ class Record(NamedTuple):
         more[:, record.STEP] = step
         more[:, record.WHEN] = step + share * more[:, record.WHEN]
         return cls(closest, np.concatenate([listed, more]), left_out, dominant, reaches, step)
+
+
+def observed_until(run: Trajectory) -> float:
+    """Return the time up to which the passages of a run are known: its end, or where it was stopped."""
+    return run.reached if run.complete or run.has_stopped else run.last_time
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +179,7 @@ class Seen:
                     f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
                     "behind the end of the run. Restore it from a copy."
                 )
-            record = Record.of(marcher, trajectory.reached if trajectory.complete else trajectory.last_time)
+            record = Record.of(marcher, observed_until(trajectory))
         return cls(trajectory.system, record, trajectory.clock)
 
     @cached_property

@@ -18,7 +18,7 @@ from orbits.errors import IntegrationError
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.propagation.results.passage_walks import Pairs, PairsTogether, Walk, massless_of, role_of
-from orbits.propagation.results.passages_seen import Passage, Seen
+from orbits.propagation.results.passages_seen import Passage, Seen, observed_until
 from orbits.system.model import most_inner
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def _refined(
     # At the start or end of the run, or exactly at a step, the state is that of the passage.
     part, distance, speed = np.zeros(count), *(np.linalg.norm(state[:, k : k + 3], axis=1) for k in (0, 3))
     rows = np.flatnonzero(when != begin)
-    end = trajectory.reached if trajectory.complete else trajectory.last_time
+    end = observed_until(trajectory)
     last = seen.end if clock.changes else abs(end / clock.h)
     ahead, limit = (when - begin)[rows], last - begin[rows]
     if chosen:

@@ -165,8 +165,8 @@ def lost_by_the_end(march: Marcher | ChangingMarch, run: Trajectory) -> list[Ret
 
 
 def _refuse_legs(run: Trajectory, what: str) -> None:
-    """Raise InputError for a run whose massive bodies changed on the way."""
-    if run.changes is not None and run.changes.acted_on_massive:
+    """Raise InputError for a run whose bodies changed on the way, but for massless ones that were lost."""
+    if run.changes is not None and run.changes.begin_legs:
         raise InputError(
             f"{what} the same bodies from start to end, but in this run bodies merge, bounce, or are changed at events "
             "(see run.events and run.legs). run.at(times) and the samples go through these changes."
