@@ -61,14 +61,10 @@ def record_carry(kicks, step, carry):
 
 
 @kernel(inline=True)
-def record_state(path, step, q, v, size):
-    """Write the state of the bodies at the beginning of a step into `path`, unless it is empty."""
-    record_strip(path, step, q, v, 0, size)
-
-
-@kernel(inline=True)
 def record_strip(path, step, q, v, start, stop):
-    """As `record_state`, for the coordinates start ... stop - 1; start is a multiple of 8."""
+    """Write coordinates start ... stop - 1 of the bodies at the beginning of a step into `path`, unless it is empty;
+    start is a multiple of 8.
+    """
     if path.shape[0] > 0:
         first = 2 * step * q.shape[0]
         for k in range(start, stop, WIDTH):
