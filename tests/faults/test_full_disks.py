@@ -81,7 +81,7 @@ def test_a_full_disk_says_what_is_free_on_it_without_the_unfinished_file(when, t
 
 FILL = """
 import orbits
-from orbits.propagation import sample_store
+from orbits.propagation.resuming import sample_store
 from tests.faults import small
 sample_store.COMMIT_SECONDS = 0.0
 path = Path(sys.argv[1]) / "run.h5"

@@ -55,7 +55,7 @@ def test_a_resume_that_is_stopped_after_it_looked_keeps_others_out_and_then_goes
 
 RESUME_WHEN_TOLD = """
 import orbits
-from orbits.propagation import sample_store
+from orbits.propagation.resuming import sample_store
 sample_store.COMMIT_SECONDS = 0.0
 print("ready", flush=True)
 sys.stdin.readline()

@@ -18,7 +18,8 @@ RUN = """
 import orbits
 from orbits.archive import creation, writer
 from orbits.errors import Interrupted
-from orbits.propagation import marchers, sample_store
+from orbits.propagation import marchers
+from orbits.propagation.resuming import sample_store
 from tests.faults import small
 
 path, number, moment = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]

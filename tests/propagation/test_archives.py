@@ -84,7 +84,7 @@ def test_without_an_archive_an_interrupted_run_hands_over_what_it_has(monkeypatc
 PROGRAM = """
 import sys, orbits
 from astropy import units as u
-from orbits.propagation import sample_store
+from orbits.propagation.resuming import sample_store
 sample_store.COMMIT_SECONDS = 0.0  # commit after every block of steps
 system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
 print("started", flush=True)
