@@ -109,6 +109,7 @@ def test_a_killed_process_leaves_a_file_that_resumes_to_the_same_bits(tmp_path, 
     process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path)], stdout=subprocess.PIPE, text=True)
     process.stdout.readline()
     while not readable(path):
+        assert process.poll() is None, "it ended before it wrote"
         time.sleep(0.01)
     time.sleep(delay)
     process.kill()
