@@ -45,6 +45,9 @@ from orbits.marching.watching import kepler_passages
 from orbits.marching.watching.passage_list import PassageList
 from orbits.marching.watching.watcher import Watcher, empty_record, thresholds
 
+UNLIMITED = 1 << 62
+"""The number of steps of a block that nothing limits."""
+
 
 def available_threads() -> int:
     """Return the number of processors that this process may use."""
@@ -169,6 +172,7 @@ class Marcher(Blocks):
         self._energy_bound = energy_bound
         self.met: int | None = None
         self._stopped = self._passes = False
+        self._cautious = UNLIMITED
         limits = (math.inf, 1.0, math.inf) if self.clock.changes else thresholds(integrator.order)
         if self._surfaces is not None and self.clock.changes and self._surfaces[self.parameters[1 : 1 + n].argmax()]:
             limits = (math.inf, 0.0, 0.0)  # to see all pericentres about it
@@ -239,10 +243,12 @@ class Marcher(Blocks):
             self._one_block(self.next_block(place))
         finally:
             self._passes = False
+        if self.met is None:
+            self._cautious = min(2 * self._cautious, UNLIMITED)
 
     def next_block(self, place: Place) -> int:
         """Return the most steps of the next block on the way to a place."""
-        most = 1 if self._passes else self.block
+        most = 1 if self._passes else min(self.block, self._cautious)
         return most if self.clock.changes else min(most, self._most(), place.steps - self.step)
 
     def go_back(self, steps: int) -> None:
@@ -258,7 +264,7 @@ class Marcher(Blocks):
 
     def step_back(self) -> None:
         """Return to the state before the last step of the last block, in which a pair may come to its bound."""
-        self.met = None
+        self.met, self._cautious = None, 1  # the next steps may be alike: no long block is marched in vain
         self.go_back(self._block[0] - 1)
 
     def pass_by(self) -> None:

@@ -619,6 +619,12 @@ def march_of_run(
         march = bound(system, integrator, clock, threads, conditions, dense=bool(events), stops=stops)
         events.check(march)
         return march
+    if conditions is not None and conditions.distances:
+        kind = type(conditions.distances[0]).__name__
+        raise InputError(
+            f"stop={kind}(...) looks at bodies that stay the same, but events may change them. Give it in events=, "
+            "with then='stop', where any body means any with mass; or leave one of the two out."
+        )
     if conditions is not None and conditions.energy < np.inf:
         raise InputError(
             "stop=EnergyErrorAbove(...) is tested in steps of the same bodies, but events may change them. End the run "

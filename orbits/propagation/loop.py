@@ -128,7 +128,7 @@ class RunEnds:
         """Note the event that ends the run."""
         names = [name for name in (happening.body, happening.other) if name is not None]
         reason = " and ".join(names) + ": " * bool(names) + happening.kind
-        self.note(system, marcher, time, state, reason, happening.event)
+        self.note(system, marcher, time, state, reason, self.conditions.given(happening.event))
 
     def after(self, marcher: March) -> Found | None:
         """Take the block that was just marched; return the first event in it that interrupts the run, if any."""

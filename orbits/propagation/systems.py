@@ -181,7 +181,7 @@ class _Warnings:
             hidden = sorted({k for group in groups[SHOWN:] for numbers in group.values() for k in numbers})
             if hidden:
                 lines.append(f"And {_names(hidden, self._count)} have other warnings of their own.")
-            Finding("\n".join(lines), category).warn()
+            Finding("\n".join(lines), category, next(iter(kinds)) if len(kinds) == 1 else "").warn()
 
     def _told(self, group: Mapping[str, Sequence[int]]) -> str:
         """Return the texts of one kind: their systems, and the text of the first."""

@@ -346,7 +346,8 @@ def test_unsound_collisions_are_refused() -> None:
         orbits.propagate(system, duration=1.0, events=MERGE, dense=True)
     with pytest.raises(InputError, match="is tested in steps of the same bodies"):
         orbits.propagate(system, duration=1.0, events=MERGE, stop=orbits.EnergyErrorAbove(1e-9))
-    assert orbits.propagate(system, duration=1.0, events=MERGE, stop=orbits.FartherThan(9.0, "a", "b")).complete
+    far = orbits.FartherThan(9.0, "a", "b", then="stop")
+    assert orbits.propagate(system, duration=1.0, events=[MERGE, far]).complete
 
 
 def test_what_knows_the_same_bodies_from_start_to_end_refuses_runs_with_mergers() -> None:

@@ -21,7 +21,7 @@ def system():
 def test_a_run_ends_where_two_bodies_are_close_and_says_so(system):
     stop = orbits.CloserThan(0.3 * u.au, "Venus", "Earth-Moon barycenter")
     run = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=20 * u.yr, samples=[3000.0, 7000.0], stop=stop)
-    assert run.stopped.condition == dataclasses.replace(stop, then="stop")
+    assert run.stopped.condition is stop
     assert run.stopped.reason.startswith("Venus and Earth-Moon barycenter: closer than 0.3 AU at t = ")
     assert not run.complete
     assert len(run) == 0
@@ -37,7 +37,7 @@ def test_a_stopped_archive_goes_on_to_the_bits_of_a_run_that_was_not_stopped(sys
     options = {"dt": 6 * u.day, "duration": 3 * u.yr, "samples": 7}
     stop = [orbits.FartherThan(2.95 * u.au, "Ceres", "Sun"), orbits.EnergyErrorAbove(1e-3)]
     run = orbits.propagate(system, GAUSS, archive=tmp_path / "stopped.h5", stop=stop, **options)
-    assert run.stopped.condition == dataclasses.replace(stop[0], then="stop")
+    assert run.stopped.condition is stop[0]
     assert 0 < len(run) < 7
     resumed = orbits.resume(tmp_path / "stopped.h5")
     straight = orbits.propagate(system, GAUSS, **options)

@@ -1,6 +1,5 @@
 """Runs that end where two bodies come to a distance: on the motion itself, for every kind of march."""
 
-import dataclasses
 
 import numpy as np
 import pytest
@@ -69,7 +68,7 @@ def test_every_march_ends_at_the_bound_and_goes_on_as_if_it_had_not(method, kind
     bound = 0.5 * (distances.min() + distances.max())
     stop = kind(bound, name, "star")
     run = orbits.propagate(system, archive=path, stop=stop, **options)
-    assert run.stopped.condition == dataclasses.replace(stop, then="stop")
+    assert run.stopped.condition is stop
     assert apart(run.stopped.system, name, "star") == pytest.approx(bound, rel=1e-13)  # some roundings
     passed = distances < bound if kind is orbits.CloserThan else distances > bound
     assert len(run) == np.argmax(passed)  # no sample after it, none before it left out
@@ -140,3 +139,36 @@ def test_a_passage_in_a_single_step_of_a_massless_body_with_steps_of_its_own_is_
     nearest = swept**2 / (1.0 + np.sqrt(1.0 - swept**2 * inverse))
     run = orbits.propagate(system, duration=1.0, stop=orbits.CloserThan(1.5 * nearest), **FREE)
     assert apart(run.stopped.system, "p", "star") == pytest.approx(1.5 * nearest, rel=1e-12)
+
+
+CIRCLE = orbits.System(
+    ["S", "A"], [1.0, 0.0], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]], units=orbits.DIMENSIONLESS
+)
+
+
+@pytest.mark.parametrize("kind", [orbits.CloserThan, orbits.FartherThan])
+@pytest.mark.parametrize(("method", "dt"), [("gauss", 1 / 16), ("gauss", None), ("wisdom-holman", 1 / 16)])
+def test_rounding_ends_no_run(method, dt, kind):
+    """A circle of the radius of the bound is at it all the time; by rounding alone it passes it again and again."""
+    assert orbits.propagate(CIRCLE, method, dt=dt, duration=12.0, stop=kind(1.0, "S", "A"), **FREE).complete
+
+
+@pytest.mark.parametrize(("kind", "least", "speed"), [(orbits.CloserThan, 0.6, 0.7), (orbits.FartherThan, 1.05, 1.1)])
+def test_a_run_from_where_another_stopped_goes_on_to_the_next_time(kind, least, speed):
+    """The distance there is that of the bound but for rounding, on either side."""
+    system = CIRCLE.replaced(v=[[0, 0, 0], [0.3, speed, 0.2]])
+    for bound in least + 0.031 * np.arange(10):
+        first = orbits.propagate(system, dt=1 / 8, duration=40.0, stop=kind(bound, "S", "A"), **FREE)
+        again = orbits.propagate(first.stopped.system, dt=1 / 8, duration=40.0, stop=kind(bound, "S", "A"), **FREE)
+        period = 2.0 * np.pi * float(system.elements("S").a.value[0]) ** 1.5
+        assert again.stopped.time.value == pytest.approx(period, rel=1e-9)  # a revolution later, at the same anomaly
+
+
+def test_what_a_run_with_changes_does_not_find_is_refused():
+    system = CIRCLE.replaced(gm=[1.0, 1e-9], radii=[0.1, 0.0])
+    far = orbits.FartherThan(3.0, "S", "A")
+    with pytest.raises(orbits.InputError, match=r"stop=FartherThan\(\.\.\.\) looks at bodies that stay the same"):
+        orbits.propagate(system, duration=1.0, events=orbits.Collision(then=orbits.Merge()), stop=far, **FREE)
+    backwards = [orbits.Collision(then=orbits.Merge()), orbits.FartherThan(3.0, "S", "A", then="stop")]
+    with pytest.raises(orbits.InputError, match="in a run backwards in time"):
+        orbits.propagate(system, duration=-1.0, events=backwards, **FREE)

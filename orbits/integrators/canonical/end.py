@@ -1,4 +1,4 @@
-"""The end of a step of `canonical_bodies`: the sums over its stages, and the velocity that belongs to its momentum.
+"""The end of a step of `bodies`: the sums over its stages, and the velocity that belongs to its momentum.
 
 For steps whose length is chosen, these sums begin with a last sweep in doubled precision, as those of
 `orbits.integrators.collocation.end` do: of the positions of the stages, of Newton's forces there, and of the sums. What

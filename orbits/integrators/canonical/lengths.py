@@ -1,4 +1,4 @@
-"""What steps of changing length ask of `canonical_bodies`: coefficients for a new length."""
+"""What steps of changing length ask of `bodies`: coefficients for a new length."""
 
 from __future__ import annotations
 

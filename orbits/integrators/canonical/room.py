@@ -8,7 +8,7 @@ from orbits.integrators.collocation.rows import ETA
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 
-# Rows of the table after those of `collocation_rows` for one register. MU, MU_BAR, CONTINUATION and INVERSE (of mu_bar)
+# Rows of the table after those of `collocation.rows` for one register. MU, MU_BAR, CONTINUATION and INVERSE (of mu_bar)
 # are each the first of eight: row j holds column j of a matrix, one stage in each lane. HOURS are times of the stages,
 # and LATE by how much the step ends later than t + h, by the rounding of a clock that changes h.
 MU = ETA + 3 * WIDTH

@@ -3,8 +3,8 @@
 A step of every such map is a sequence of stages, rows (kind, length) that its form gives (`stages_of`): Kepler motions,
 kicks, flows of terms. The map is marched by its own kernels, to the same bits. On a copy of its state the stages of the
 step are taken one by one, and the vectors with them, each by the derivative of the stage where the copy stands:
-`orbits.kernels.tangents.of_kepler_flow`, `jacobi_tangent`, `heliocentric_tangent`, `terms_tangent`. As the derivative
-of each stage is symplectic wherever it is taken, that of the step is so to round-off. A new method is a new sequence; a
+`orbits.kernels.tangents.of_kepler_flow`, `of_jacobi_kicks`, `of_heliocentric_kicks`, `of_terms`. As the derivative of
+each stage is symplectic wherever it is taken, that of the step is so to round-off. A new method is a new sequence; a
 new stage a kind, a motion of the copy and one of the vectors.
 
 What leads from the states that are seen to those that are marched, such as a corrector, is a sequence of stages too,

@@ -91,7 +91,7 @@ to a sample that is the next number after the end of a step. (Their step may be 
 
 RATES = 9
 """The row of the scratch of a particle's step that has S at its stages; see
-`orbits.integrators.collocation.form.pull`.
+`orbits.integrators.collocation.particles.pull`.
 """
 
 

@@ -16,7 +16,7 @@ from orbits.errors import InputError, shown, with_unit
 from orbits.propagation.control.wall_clock import seconds_of
 from orbits.propagation.events.base import RECORD, STOP, Sought
 from orbits.propagation.events.functions import calling, named
-from orbits.propagation.events.kinds.of_pairs import Distance, check_names, pairs_of
+from orbits.propagation.events.kinds.of_pairs import Distance, check_names, pairs_of, rounding_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -141,7 +141,8 @@ class Conditions:
         for c in given:
             if isinstance(c, Sought) and c.then != RECORD:
                 raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
-        self.distances = [replace(c, then=STOP) for c in given if isinstance(c, CloserThan | FartherThan)]
+        self._given = [c for c in given if isinstance(c, CloserThan | FartherThan)]
+        self.distances = [replace(c, then=STOP) for c in self._given]
         self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
         self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
         self.energy = math.inf if self._energy is None else float(self._energy.fraction)
@@ -151,6 +152,10 @@ class Conditions:
         """Return events with those that stop a run at a distance."""
         given = [events] if isinstance(events, Sought) else events
         return [*given, *self.distances] if self.distances and isinstance(given, list | tuple) else events
+
+    def given(self, event: Sought) -> Condition | Sought:
+        """Return the condition of which an event was made, or the event."""
+        return next((c for c, made in zip(self._given, self.distances, strict=True) if made is event), event)
 
     def exceeded(self) -> tuple[str, Condition]:
         """Return why a march ended whose energy error is above its bound, in words and as a value."""
@@ -215,12 +220,14 @@ def _check_start(condition: CloserThan | FartherThan, system: System, row: int, 
     """Raise InputError if a body and any of others are where the run is to end already at its start."""
     others = others[others != row]
     apart = np.linalg.norm(system.values.q[others] - system.values.q[row], axis=1)
-    there = np.flatnonzero(apart < bound if isinstance(condition, CloserThan) else apart > bound)
+    beyond = bound - apart if isinstance(condition, CloserThan) else apart - bound
+    there = np.flatnonzero(beyond > rounding_of(bound, system.values.q[[row, *others]]))
     if len(there):
+        unit = system.units.length
         raise InputError(
             f"{type(condition).__name__}: {system.names[row]} and {system.names[others[there[0]]]} are "
-            f"{with_unit(f'{apart[there[0]]:g}', system.units.length)} apart at the start already; the bound is "
-            f"{bound:g}. Give another one, or name the bodies that it is for."
+            f"{with_unit(f'{apart[there[0]]:g}', unit)} apart at the start already; the bound is "
+            f"{with_unit(f'{bound:g}', unit)}. Give another one."
         )
 
 

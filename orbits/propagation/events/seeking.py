@@ -120,6 +120,7 @@ class Seeking:
                 )
         self.act = any(not isinstance(event.then, str) for event in self.events)
         self.stops = None if self.act or self.touching else self._stops()
+        self._check_direction()
         numbers = [k for k in range(len(self._bounds)) if self.stops is None or k not in self.stops.bounds]
         groups = by_particles(numbers, self._bounds, self._of, system, self.act or bool(self.touching))
         self.particles: list[Seeking] = []
@@ -130,6 +131,16 @@ class Seeking:
                 search._narrow(numbers, particles)
                 self.particles.append(search)
         self._narrow(groups.get((), []), ())
+
+    def _check_direction(self) -> None:
+        """Raise InputError for distances that would end a run backwards in time where they are met forwards."""
+        known = {} if self.stops is None else self.stops.bounds
+        for k, (bound, event) in enumerate(zip(self._bounds, self._of, strict=True)):
+            if self._direction < 0.0 and isinstance(bound, Distance) and event.then == STOP and k not in known:
+                raise InputError(
+                    f"{type(event).__name__}(then='stop') in a run backwards in time: expected a body with mass among "
+                    "the two, and no collisions or events that act beside it. Use then='record', or run forwards."
+                )
 
     def _stops(self) -> Stops | None:
         """Return the distances at which the run ends, as far as one of the bodies has mass; None without any."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from orbits.kernels.search.stopping import ANY, CLOSER, KIND
 from orbits.propagation.events.base import Array, Sample, Whole
-from orbits.propagation.events.kinds.of_pairs import Distance
+from orbits.propagation.events.kinds.of_pairs import Distance, rounding_of
 from orbits.propagation.events.search import root
 
 if TYPE_CHECKING:
@@ -107,8 +107,12 @@ class _Within:
         return np.asarray(np.abs(0.5 * (distances[0] + distances[1]) - bound.distance) <= way)
 
     def first(self, pair: Whole, bound: float, sign: float) -> float | None:
-        """Return where the distance of a pair less its bound, times a sign, first falls through zero."""
+        """Return where the distance of a pair less its bound, times a sign, first falls through zero, and beyond what
+        rounding does. A pair that begins a run at its bound must have left it before.
+        """
         parts = [(self._from, 1.0)]
+        noise = rounding_of(bound, self._at(0.0)[0][pair])
+        waits = self._is_start and self._from == 0.0 and abs(self._of(pair, 0.0)[0] - bound) <= noise
         while parts:
             low, high = parts.pop()
             (d, rate, speed), (d_end, rate_end, speed_end) = (self._of(pair, x) for x in (low, high))
@@ -119,15 +123,16 @@ class _Within:
                 middle = 0.5 * (low + high)
                 parts += [(middle, high), (low, middle)]
                 continue
-            at_start = low == 0.0 and self._is_start
             above, above_end = sign * (d - bound), sign * (d_end - bound)
             if sign * rate < 0.0 < sign * rate_end and (above >= 0.0) and above_end >= 0.0:
                 high = _zero(lambda x: self._of(pair, x)[1], low, high)
             elif sign * rate > 0.0 > sign * rate_end and above < 0.0 and above_end < 0.0:
                 low = _zero(lambda x: self._of(pair, x)[1], low, high)
             above, above_end = (sign * (self._of(pair, x)[0] - bound) for x in (low, high))
-            if (above > 0.0 or (above == 0.0 and not at_start)) and above_end < 0.0:
-                return self._passage(pair, bound, low, high)
+            if waits:
+                waits = abs(above_end) <= noise
+            elif above >= -noise and above_end < -noise:
+                return self._passage(pair, bound, low, high) if above > 0.0 else low
         return None
 
     def _passage(self, pair: Whole, bound: float, low: float, high: float) -> float:
@@ -153,6 +158,8 @@ class _Within:
 def pairs_that_stop(system: System, one: int, two: int) -> Whole:
     """Return the pairs of bodies, one of them with mass, that two numbers mean, (pairs, 2); `ANY` for any body."""
     massive, everyone = np.flatnonzero(system.massive), np.arange(len(system))
+    if ANY not in (one, two):
+        return np.array([[one, two]] if system.massive[[one, two]].any() else [], dtype=np.intp).reshape(-1, 2)
     one, two = (one, two) if one != ANY else (two, one)
     if one == ANY:
         first, second = np.repeat(everyone, len(massive)), np.tile(massive, len(everyone))
