@@ -284,8 +284,9 @@ def test_a_stopped_run_knows_nothing_of_what_would_have_come():
     stopped = propagate(start, 6.0, stop=orbits.CloserThan(1.0, "b0", "b1"), samples=500)
     end = stopped.stopped.time.value
     assert all(abs(a.time.value) <= end for a in stopped.closest_approaches()["b0"])
-    (last,) = stopped.closest_approaches()["b0"]  # after the last whole step
-    assert last.distance.value > 1.0
+    (last,) = stopped.closest_approaches()["b0"]  # at the end itself
+    assert last.distance.value == pytest.approx(1.0, rel=1e-13)  # some roundings
+    assert last.time.value == pytest.approx(end, rel=1e-13)
 
 
 def test_conditions_are_looked_at_up_to_the_end_of_the_run():
