@@ -1,6 +1,6 @@
 """Proof that a refactoring changed no bit: hashes of what every method computes, before and after.
 
-    python scripts/bits.py write FILE              run all cases, some ten minutes, and store hashes of the results
+    python scripts/bits.py write FILE              run all cases, which takes minutes, and store hashes of the results
     python scripts/bits.py compare FILE            run them again and print differences; exit code 1 if there are any
     python scripts/bits.py compare FILE --only "*verlet*"    only the cases whose name matches (also for `write`)
     python scripts/bits.py write FILE --cold       each kind of case in a process of its own, with an empty cache
