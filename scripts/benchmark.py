@@ -34,7 +34,6 @@ from benchmarks.processes import part_calls, part_lagrangians, part_memory, part
 from benchmarks.rotation import part_rotation
 from benchmarks.scattering import part_scattering
 from benchmarks.small_bodies import part_small_bodies
-from benchmarks.systems import part_systems
 
 import orbits
 from orbits.kernels.compile import cpu_features, cpu_name
@@ -52,7 +51,6 @@ PARTS = {
     "ten_bodies": part_ten_bodies,
     "planets": part_planets,
     "map_particles": part_map_particles,
-    "systems": part_systems,
     "ensemble": part_ensemble,
     "physics": part_physics,
     "energy": part_energy,

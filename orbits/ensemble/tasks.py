@@ -276,7 +276,7 @@ def _marched(
     look()
     steps = {k: marching(run, stop, bars[k]) for k, run in ready.items()}
     if ready:
-        failures |= march_in_threads(ready, steps, stop, look, 1)
+        failures |= march_in_threads(steps, stop, look, 1)
     stopped: Interrupted | None = None
     for k in [k for k in steps if k not in failures]:
         if stop.name and getgeneratorstate(steps[k]) == GEN_CREATED:

@@ -126,12 +126,6 @@ class Form:
         rows, columns = self.stages_shape(size)
         return rows * columns
 
-    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
-        """Return the kernel that marches eight systems of `size` coordinates at once, to the bits of each alone, and
-        how many rows of workspace it needs; None if there is none. See `orbits.marching.stepping.systems_in_lanes`.
-        """
-        return None
-
     def guess(self, carry: Array, v: Array) -> None:
         """Write what a cold start in canonical form guesses from the velocities, (d,), into the carry: by default
         nothing.

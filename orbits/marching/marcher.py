@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -592,29 +592,6 @@ class Marcher(Blocks):
     def loops(self) -> BoundLoops:
         """The compiled loops."""
         return self._loops
-
-    def kind_in_lanes(self) -> Hashable | None:
-        """Return what marches have in common whose blocks can be computed together; None for one that goes alone."""
-        return None if self._dense or self._keep is not None else self._loops.kind_in_lanes()
-
-    def observe_path(self, path: Array) -> None:
-        """Record the steps of blocks in this array, which has room for the longest."""
-        self._watcher.use_path(path)
-
-    @property
-    def looks_for_planets_alone(self) -> bool:
-        """Whether all that is observed are closest approaches of planets about the first body."""
-        return self._watcher.looks_for_planets_alone
-
-    def observing_elsewhere(self, record: Array) -> int:
-        """Prepare the observers for a block that is computed along with others, with a copy of the record; return the
-        address of their context, or 0 if they need all states of the block.
-        """
-        if not self.looks_for_planets_alone:
-            return 0
-        record[...] = self._state["approaches"]
-        self._watcher.begin(record, self.step)
-        return self._watcher.contexts.addresses[0]
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""

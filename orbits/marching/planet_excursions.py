@@ -238,9 +238,6 @@ class LeavingMarcher(Marcher):
             ranks.append(np.where(np.isfinite(record[DISTANCE2]), rank, np.inf))
         return np.where(ranks[1] < ranks[0], own, mine)
 
-    def kind_in_lanes(self) -> None:
-        """None: it goes alone."""
-
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs."""
         super().compile()

@@ -285,7 +285,7 @@ def march_each(
             }
             try:
                 if not in_turn:
-                    failures |= march_in_threads(left, begun, stop, bars.show, threads)
+                    failures |= march_in_threads(begun, stop, bars.show, threads)
                 for k, steps in begun.items():
                     if k not in failures:
                         _finish(k, steps, done, failures, found)

@@ -90,12 +90,6 @@ def maps() -> None:
             run(system(n, particles, gm=1e-3), orbits.WisdomHolman(planets="follow"), dt=0.1, duration=9.0)
 
 
-def systems_in_lanes() -> None:
-    """Lists of systems."""
-    for count, n in ((3, 2), (8, 4), (9, 9), (3, 10), (2, 17)):
-        run([system(n, 0)] * count, orbits.WisdomHolman(), dt=0.1)
-
-
 def terms_and_forces() -> None:
     """Terms of the Lagrangian, and forces."""
     about = {"J2": 1e-3, "radius": 0.01, "pole": (0.2, 1.2)}
@@ -169,7 +163,6 @@ RUNS: dict[str, Callable[[], None]] = {
         constant_steps,
         transformed_time,
         maps,
-        systems_in_lanes,
         terms_and_forces,
         variations,
         collisions_and_events,

@@ -22,7 +22,6 @@ from orbits.kernels.binding import field
 from orbits.kernels.compile import kernel
 from orbits.kernels.state import copy, drift, drifted, kick, kicked
 from orbits.kernels.steps import OK
-from orbits.kernels.systems.bodies import MOST_BODIES, march_bodies, rows_of_bodies
 
 
 @kernel(inline=True)
@@ -126,7 +125,3 @@ class Splitting(Form):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """One vector of accelerations."""
         return 1, padded(size)
-
-    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
-        """The march of few bodies of each."""
-        return (march_bodies, rows_of_bodies(size)) if size <= 3 * MOST_BODIES else None

@@ -44,8 +44,6 @@ from orbits.kernels.maps.jacobi import TRACE_ROWS, number_planets
 from orbits.kernels.maps.jacobi_particles import table_rows
 from orbits.kernels.maps.stages import DRIFT, FLOW, MODIFIED, STANDARD
 from orbits.kernels.maps.stages import LAZY as LAZY_KICK
-from orbits.kernels.systems.approaches import rows_of_search
-from orbits.kernels.systems.planets_march import march_planets
 from orbits.tableaux.correctors import corrector_lengths
 
 
@@ -141,12 +139,6 @@ class KeplerSplitting(OnKeplerOrbits):
     def scratch_shape(self, size: int) -> tuple[int, int]:
         """The rows of `orbits.kernels.maps.jacobi`."""
         return self.room_shape(size)
-
-    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
-        """The march of the planets of each."""
-        own, planets = self.own_kernels(), size // 3 - 1
-        plain = own["begin"] is begin and own["step"] is step and planets > 0
-        return (march_planets, rows_of_search(planets)) if plain else None
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""

@@ -246,7 +246,3 @@ class RigidSplitting(Splitting):
         if self.tops:
             state["particle_memory"][:, 0, 0] = 1.0
             state["particle_memory"][list(self.tops)] = values[massive:].reshape(-1, STATE_ROWS, WIDTH)
-
-    def lanes_of_systems(self, size: int) -> tuple[Any, int] | None:
-        """None: systems with rigid bodies march alone."""
-        return None

@@ -409,9 +409,7 @@ class Blocks:
         begun_lo = float(now[variable_steps.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
         path, watched = self._nothing, (0, 0)
-        if record is not None and self._loops.is_ready(state, count):
-            path = self._watcher.path(count)
-        elif record is not None:
+        if record is not None:
             path, watched = self._watcher.of_trace(record, self.step, count, state["memory"])
         status, done, body, evaluations = self._loops.march(state, bound, path, count, watched)
         self.evaluations += evaluations
@@ -431,7 +429,7 @@ class Blocks:
             self._block = count, float(now[variable_steps.ORIGIN]) if self.clock.changes else self._time_of(self.step)
             if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
-        if record is not None and count and not self._loops.observed:
+        if record is not None and count:
             if not watched[0]:
                 self._watcher.begin(record, self.step, now[variable_steps.ORIGIN] if self.clock.changes else 0.0)
             carry = state["memory"] if watched[0] else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from typing import Any
 
@@ -13,7 +13,6 @@ from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import NOWHERE
-from orbits.lagrangians.newtonian import newtonian
 from orbits.marching.clocks import variable_steps
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps
@@ -23,7 +22,6 @@ from orbits.marching.following.own_memory import OwnClocks
 from orbits.marching.following.particle_excursions import MORE_ROWS
 from orbits.marching.stepping import driver
 from orbits.marching.stepping.alignment import aligned
-from orbits.marching.stepping.computed_block import Ready
 from orbits.marching.stepping.parallel import Parallel, shares
 from orbits.marching.stepping.pool import Pool
 from orbits.marching.watching.watcher import Watcher
@@ -120,8 +118,6 @@ class BoundLoops:
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
-        self.ready: Ready | None = None
-        self.observed = False
 
     @property
     def kind(self) -> tuple[Any, ...]:
@@ -143,13 +139,6 @@ class BoundLoops:
     def coefficients(self) -> Any:
         """The coefficients of whole steps."""
         return self._usual
-
-    def kind_in_lanes(self) -> Hashable | None:
-        """What marches have in common whose blocks can be computed together, in lanes; None for one alone."""
-        plain = self._tag is newtonian.tag and isinstance(self._clock, ConstantSteps)
-        if not plain or self.tasks or self.kicks.size or self.parallel is not None:
-            return None
-        return None if self._form.lanes_of_systems(3 * self._n) is None else (self._form, self._clock, self._n)
 
     def begin(self, q: Array, v: Array, massive: NDArray[np.intp], particles: NDArray[np.intp]) -> None:
         """Write the initial state; q, v : (n + m, 3), with the numbers of the massive bodies and of the particles."""
@@ -177,13 +166,6 @@ class BoundLoops:
             coefficients = self._other[1]
         return self._form.tag, coefficients, self._tag, self._vectors, clock.timing, now, self.times
 
-    def is_ready(self, state: dict[str, Array], count: int) -> bool:
-        """Return whether the next block, of `count` steps of this state, is already computed, with its path."""
-        return self.ready is not None and self._fits(self.ready, state, count)
-
-    def _fits(self, ready: Ready, state: dict[str, Array], count: int) -> bool:
-        return state is self.state and count == ready.count
-
     def march(
         self,
         state: dict[str, Array],
@@ -198,11 +180,6 @@ class BoundLoops:
 
         Returns (status, steps done, body, evaluations); see `orbits.marching.stepping.driver`.
         """
-        ready, self.ready = self.ready, None
-        self.observed = False
-        if ready is not None and path.size and self._fits(ready, state, count):
-            self.observed = ready.observed
-            return ready.take(state)
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
         if self._own_clocks or self._hand_over:

@@ -242,16 +242,6 @@ class Watcher:
             lanes[SHARE, k] = self._parameters[1 + body] / inside
         return lanes
 
-    def use_path(self, path: Array) -> None:
-        """Record blocks of steps in this array."""
-        self._path = path
-        self.contexts.enter(path=path)
-
-    @property
-    def looks_for_planets_alone(self) -> bool:
-        """Whether all that is observed are closest approaches of planets about the first body."""
-        return self._planets and not len(self._stops) and self._energy_bound is None and not self._collide
-
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
         return self._path[: 2 * (steps + 1) * self._stride].reshape(steps + 1, 2, self._stride)
