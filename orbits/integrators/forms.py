@@ -117,9 +117,11 @@ class Form:
         """Return the shape of the scratch of the kernels, for `size` coordinates and for particles."""
         return 1, padded(size)
 
-    def trace_rows(self, size: int) -> int:
-        """Return the rows of eight that `trace` writes for each step, or 0 if the states that are seen are recorded."""
-        return 0
+    def notes_nearest(self, size: int) -> bool:
+        """Return whether steps of `size` coordinates note how close the bodies come, in the rows NEAREST of the scratch
+        (see `orbits.kernels.maps.interaction`), so that all states are looked at only where a passage may be.
+        """
+        return False
 
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: by default all."""

@@ -187,12 +187,8 @@ def show(method, model, state, storage):
 
 @verb
 def record(method, model, state, storage, path, row):
-    """Write what observers see into a row of `path`, (rows * 2 * padded,), see `orbits.kernels.search.paths`; for
-    methods with a kernel `trace`, from which they compute it.
-    """
-    traced, compiled = _kernel(method, "trace"), _kernel(method, "show")
-    if traced is not None:
-        return lambda method, model, state, storage, path, row: traced(method, model, state, storage, path, row)
+    """Write what observers see into a row of `path`, (rows * 2 * padded,), see `orbits.kernels.search.paths`."""
+    compiled = _kernel(method, "show")
     if compiled is None:
         return lambda method, model, state, storage, path, row: record_strip(
             path, row, state.q, state.p, storage.share.start, storage.share.stop

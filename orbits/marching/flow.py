@@ -195,7 +195,7 @@ class Flow:
             now = clock.numbers(self.t, first * every)
             status, done, _, more = driver.march(
                 *bound, clock.timing, now, _NO_ROOM, *state, self._carry, self._scratch, self._stages,
-                path.reshape(-1), every, _NO_KICKS, count * every, 0, 0,
+                path.reshape(-1), every, _NO_KICKS, count * every,
             )  # fmt: skip
             evaluations += more
             done += first * every

@@ -77,6 +77,7 @@ class Marcher(Blocks):
         retired if they hit one
     underway : whether it begins in a state of a run that is over, which decided which particles are retired before
         encounters: here they are not, and may be in one
+    approaches : whether closest approaches are looked for; passages that the steps may not resolve are in any case
 
     After `advance`, `met` is why it stopped, `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watching.watcher`, or
     None.
@@ -103,6 +104,7 @@ class Marcher(Blocks):
         radii: Array | None = None,
         surfaces: Array | None = None,
         underway: bool = False,
+        approaches: bool = True,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -154,7 +156,7 @@ class Marcher(Blocks):
             self._state["clock"][LONGEST] = ALONE
         elif isinstance(self.clock, Adaptive) and GIVEN in lagrangian.traits:
             self._state["clock"][LONGEST] = LONGEST_OF_GIVEN
-        self._state["approaches"] = empty_record(n + m)
+        self._state["approaches"] = empty_record(n + m, approaches)
         self._arrived = False
         self._dense = dense
         self._block, self._begun_lo, self._lengths = (0, 0.0), 0.0, np.zeros(0)
@@ -191,9 +193,9 @@ class Marcher(Blocks):
             len(self._loops.tasks),
             radii,
             integrator.follows_kepler,
-            self._form.trace_rows(3 * n),
-            whole_path=integrator.follows_meetings,
             order=integrator.order,
+            notes_nearest=self._form.notes_nearest(3 * n) and not approaches,
+            whole_path=dense or integrator.follows_meetings,
         )
         self._watcher.given = isinstance(self._form, GivenBodies) and self._form.held(self.model) == n
         self._gm = np.concatenate([self.parameters[1 : 1 + n], np.zeros(m)])
@@ -210,7 +212,7 @@ class Marcher(Blocks):
         self._encountered: Lost | None = None
         self._meeting_of_planets: kepler_passages.Meeting | None = None
         self._passages = PassageList(self._gm, self._watcher.dominant, limits[0], self.clock)
-        self._overflowed = False
+        self._overflowed = self._sees_more = False
 
     @property
     def time(self) -> float:
@@ -435,7 +437,9 @@ class Marcher(Blocks):
         return part
 
     def approaches(self) -> Array:
-        """Return the closest approaches so far, (4, 2, rows + padding); see `orbits.kernels.search.record`."""
+        """Return the closest approaches so far, (4, 2, rows + padding), in a march that looks for them; see
+        `orbits.kernels.search.record`.
+        """
         self._retired.begin()
         q = self._state["particle_q"].copy()
         q[:, : len(self._particles)][:, self._retired.gone()] = np.nan
@@ -587,11 +591,6 @@ class Marcher(Blocks):
         the number of those left out: `UNKNOWN` for a march that was restored from a checkpoint without a list.
         """
         return self._passages.passages, self._passages.left_out
-
-    @property
-    def loops(self) -> BoundLoops:
-        """The compiled loops."""
-        return self._loops
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""

@@ -419,7 +419,6 @@ class LeavingMarcher(Marcher):
         own._passes = False
         self._retired.begin()
         self._loops.enter(self._state, self.clock, self._retired.block)
-        self._watcher.number(self._state["memory"])
         if self.integrator.retires_in_encounters:
             there = ~self._retired.gone()
             there[there] = np.isin(np.flatnonzero(there), self._close_to_planets())
@@ -466,7 +465,6 @@ class LeavingMarcher(Marcher):
             raise InputError("the excursions from the map in its checkpoint are not those of a run.")
         self._own.restore({name[len(PREFIX) :]: x for name, x in checkpoint.items() if name.startswith(PREFIX)})
         super().restore(checkpoint, seen=seen)
-        self._watcher.number(self._state["memory"])
         self._away = self._away_last = bool(away)
         self._excursions, self._count = known.tolist(), count
         self._lost_at[...], self._leaves, self._looked = lost, None, NOT_YET

@@ -225,7 +225,7 @@ def part_calls(repetitions: int) -> dict[str, Any]:
         fixed = (*bound, clock.timing, clock.numbers(0.0, 0), np.zeros(0))
         scratch, stages = np.zeros(form.scratch_shape(30)), np.zeros((1, *form.stages_shape(30)))
         begun = time.perf_counter()
-        driver.march(*fixed, *state, scratch, stages, np.zeros(0), 1, np.zeros((0, 1, 8)), 100, 0, 0)
+        driver.march(*fixed, *state, scratch, stages, np.zeros(0), 1, np.zeros((0, 1, 8)), 100)
         return time.perf_counter() - begun
 
     rows = []

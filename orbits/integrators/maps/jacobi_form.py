@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -9,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.errors import InputError
+from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.dominant import registers_for, require_dominant
 from orbits.integrators.maps.jacobi_form_particles import (
@@ -25,6 +27,7 @@ from orbits.integrators.maps.jacobi_form_particles import (
     step_with_terms_among_particles,
 )
 from orbits.integrators.maps.jacobi_form_steps import (
+    ANGLE,
     HALF,
     LAZY,
     SHIFT,
@@ -36,11 +39,10 @@ from orbits.integrators.maps.jacobi_form_steps import (
     step,
     step_with_terms,
     stretch,
-    trace,
 )
 from orbits.integrators.maps.on_kepler_orbits import OnKeplerOrbits, in_order, keep_particles, rows_of
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.maps.jacobi import TRACE_ROWS, number_planets
+from orbits.kernels.maps.jacobi import number_planets
 from orbits.kernels.maps.jacobi_particles import table_rows
 from orbits.kernels.maps.stages import DRIFT, FLOW, MODIFIED, STANDARD
 from orbits.kernels.maps.stages import LAZY as LAZY_KICK
@@ -94,14 +96,14 @@ class KeplerSplitting(OnKeplerOrbits):
         """Return the kernels of this instance."""
         own = {**self.kernels, **(self.kernels_with_terms if self.with_terms else {})}
         if not self.among_particles:
-            return {**own, "trace": trace}
+            return own
         return {**own, **self.more_kernels, **(self.more_kernels_with_terms if self.with_terms else self.of_pairs)}
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
         stages = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
         rows = np.zeros((1 + len(stages), WIDTH))
-        rows[0, [HALF, WHOLE, LAZY]] = h / 2, h, self.kernel == "lazy"
+        rows[0, [HALF, WHOLE, LAZY, ANGLE]] = h / 2, h, self.kernel == "lazy", 2.0 * math.pi / Integrator.least_steps
         rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
         rows[1:, :2] = stages
         return rows
@@ -127,9 +129,9 @@ class KeplerSplitting(OnKeplerOrbits):
         flows = 6 * (planets + 1) if self.with_terms else 0
         return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers_for(size), WIDTH
 
-    def trace_rows(self, size: int) -> int:
-        """Return the rows that `trace` writes: of planets in a single register, without particles."""
-        return TRACE_ROWS if registers_for(size) == 1 and not self.among_particles else 0
+    def notes_nearest(self, size: int) -> bool:
+        """Whether the steps note how close the planets come: those of a single register, without particles."""
+        return registers_for(size) == 1 and not self.among_particles
 
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""

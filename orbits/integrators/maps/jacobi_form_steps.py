@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from orbits.integrators.maps.on_kepler_orbits import stretch_rows
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.interaction import ROWS, displace, interact, modify
 from orbits.kernels.maps.jacobi import (
-    TRACE_ROWS,
     advance_planets,
     enter_planets,
     finish_velocities,
@@ -20,14 +18,15 @@ from orbits.kernels.maps.jacobi import (
     step_modified,
     step_plain,
     step_with_terms_in_a_register,
-    trace_planets,
 )
+from orbits.kernels.maps.nearest import begin_nearest
 from orbits.kernels.maps.terms_of_dominant import flow, kick_more, strength_of, to_momenta, to_velocities
 from orbits.kernels.steps import OK
 
-HALF, WHOLE, SHIFT, LAZY = 0, 1, 2, 3
+HALF, WHOLE, SHIFT, LAZY, ANGLE = 0, 1, 2, 3, 4
 """Columns of the first row of the coefficients: half a kick, the Kepler motion, h^2/12 for the modified and the lazy
-kick, and 1 for the latter. The other rows are the corrector: a Kepler motion and a kick each."""
+kick, 1 for the latter, and the largest turn in a step at a pericentre. The other rows are the corrector: a Kepler
+motion and a kick each."""
 
 NO_TABLE = -1
 """The row of a table of the flow of terms that nobody reads."""
@@ -93,26 +92,12 @@ def show(method, model, state, storage):
     show_planets(strength_of(model), storage.carry, storage.scratch, state.q, state.p)
 
 
-@kernel(inline=True)
-def trace(method, model, state, storage, path, row):
-    """Write a single register of planets as it is marched, rounded, or else the state that is seen."""
-    if path.shape[0] == 0:
-        return
-    if storage.scratch.shape[0] < 2 * ROWS:
-        trace_planets(storage.carry, path, TRACE_ROWS * WIDTH * row)
-        return
-    width = state.q.shape[0]
-    first = 2 * row * width
-    show_planets(
-        strength_of(model), storage.carry, storage.scratch, path[first : first + width],
-        path[first + width : first + 2 * width],
-    )  # fmt: skip
-
-
 @kernel
 def begin(method, model, t, h, state, storage):
     """Compute the interaction of the first half of a kick, which later steps take over."""
     prepare_room(strength_of(model), storage.carry, storage.scratch)
+    if storage.scratch.shape[0] < 2 * ROWS:
+        begin_nearest(storage.carry, storage.scratch, h, method.coefficients[0, ANGLE])
     _kick_of_a_step(model, method.coefficients, storage.carry, storage.scratch)
 
 
@@ -159,4 +144,4 @@ def stretch(method, unit, factor):
     """Write the coefficients of a step `factor` times as long."""
     own, one = method.coefficients, unit.coefficients
     stretch_rows(own, one, factor)
-    own[0, SHIFT], own[0, LAZY] = factor * (factor * one[0, SHIFT]), one[0, LAZY]
+    own[0, SHIFT], own[0, LAZY], own[0, ANGLE] = factor * (factor * one[0, SHIFT]), one[0, LAZY], one[0, ANGLE]

@@ -26,7 +26,7 @@ from orbits.kernels.lanes import (
     turned,
 )
 
-STATE_ROWS, ROWS = 12, 34
+STATE_ROWS, ROWS = 12, 40
 """Rows of a register in `planets` and in `room`."""
 
 FORCE, PLACE, SHIFTED, CHANGE, MOVED = 0, 3, 6, 9, 18
@@ -42,6 +42,9 @@ first and the last, with which the dominant body attracts; all 0 in lanes withou
 
 RATE, OWN = 22, 28
 """Rows of `room` for terms of the dominant body: the rates of r' and of its velocity; workspace."""
+
+NEAREST = 34
+"""The first of six rows of `room` for what `orbits.kernels.maps.nearest` notes."""
 
 
 @kernel(inline=True, exact=True)

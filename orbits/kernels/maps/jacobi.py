@@ -62,6 +62,7 @@ from orbits.kernels.maps.interaction import (
     masses_of,
     store_three,
 )
+from orbits.kernels.maps.nearest import note_nearest
 from orbits.kernels.maps.terms_of_dominant import flow_of_register, force_with_pulls
 from orbits.kernels.sums.summation import accumulate, add_product, quick_two_sum, two_product, two_sum
 
@@ -201,6 +202,7 @@ def _step(planets, room, h, shift, modified, lazy):
     y, y_lo = accumulate(y, load(planets, 7), dy)
     z, z_lo = accumulate(z, load(planets, 8), dz)
     force, place, pairs = interaction(x, y, z, masses)
+    note_nearest(room, pairs)
     if lazy:
         there = _kicked((x, y, z), shift, force[0], force[1], force[2])
         store_three(room, SHIFTED, there)
@@ -244,6 +246,7 @@ def step_with_terms_in_a_register(model, planets, room, h, shift, lazy):
     state = flow_of_register(model, masses, state, kick)
     x, y, z = state[0][0], state[0][1], state[0][2]
     force, place, pairs = interaction(x, y, z, masses)
+    note_nearest(room, pairs)
     if lazy:
         force = force_with_pulls(model, masses, place, force)
         there = _kicked((x, y, z), shift, force[0], force[1], force[2])
@@ -412,18 +415,6 @@ def place_planets(own, share, outside):
     weighted = share * own
     outwards = weighted + sums_after(weighted)
     return own + (outside - outwards), outside - lane(outwards, 0)
-
-
-TRACE_ROWS = 7
-"""Rows of eight in a trace of planets: r', its velocity, and the centre of mass with its velocity."""
-
-
-@kernel(inline=True)
-def trace_planets(planets, trace, first):
-    """Write a single register of planets as it is marched, rounded, into a flat array from `first` on."""
-    for row in range(TRACE_ROWS - 1):
-        store(trace, first + WIDTH * row, load(planets, row))
-    store(trace, first + WIDTH * (TRACE_ROWS - 1), load(planets, STATE_ROWS))
 
 
 @kernel(inline=True)

@@ -33,9 +33,6 @@ passages : (room, columns), see `record.py`: the passages of this block that are
 listed : (2,) int64; the number of passages in the list, and the number found
 search, enter : addresses of `approach_search.search` and `encounters.enter_passage`, shared by the searches among
     bodies and particles, so that each is compiled once
-trace : flat; for methods with a kernel `trace`, what it writes at the beginning of each of the last steps and at their
-    end: `path` then has the last state only, and those that were looked at
-lanes : (2, 8) for these: w_i, and the number of the body in each lane, -1 for none
 then, collide : addresses of the observers called after `follow_particles`, or 0
 
 A kernel reads them as attributes of `watch_at(context)`.
@@ -94,8 +91,6 @@ _KINDS: dict[str, Any] = {
     "enter": types.int64,
     "then": types.int64,
     "collide": types.int64,
-    "trace": _array(1),
-    "lanes": _array(2),
 }
 """The fields of a context. A number takes one word; an array takes its address and the length of each dimension."""
 
@@ -163,18 +158,6 @@ def _made(cx, builder, kind, data, shape):
 def watch_at(typingctx, context):
     """Return the fields at an address, as attributes that are loaded on use."""
     return _WATCH(types.int64), lambda cx, builder, sig, args: args[0]
-
-
-@intrinsic
-def set_first(typingctx, context, first):
-    """Write the field `first` of the context at an address."""
-
-    def codegen(cx, builder, sig, args):
-        words = builder.inttoptr(args[0], INT64.as_pointer())
-        builder.store(args[1], builder.gep(words, [INT64(_PLACES["first"])]))
-        return cx.get_dummy_value()
-
-    return types.void(types.int64, types.int64), codegen
 
 
 @intrinsic

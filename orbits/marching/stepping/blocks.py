@@ -91,6 +91,7 @@ class Blocks:
         _particles: NDArray[np.intp]
         _passages: PassageList
         _retire: bool
+        _sees_more: bool
         _retired: Retired
         _start: float
         _state: dict[str, Array]
@@ -153,6 +154,8 @@ class Blocks:
             # Explicit methods look at the end of a block only; an iteration tells which step did not converge.
             known = isinstance(failure, ConvergenceError)
             count = failure.step - self.step if known else last_good(self._can_be_taken, count)
+            self._replay(count)
+        if self._sees_more:
             self._replay(count)
         followed = self._followed(count)
         if followed < count:
@@ -405,13 +408,12 @@ class Blocks:
         """
         usual = clock == self.clock
         now, h = numbers_of(clock, state, self._start if usual else self.time, self.step if usual else 0)
-        bound = self._loops.bound(clock, now)
+        bound, self._sees_more = self._loops.bound(clock, now), False
         begun_lo = float(now[variable_steps.TIME_LO]) if self.clock.changes else 0.0
         record = state.get("approaches")  # a copy has none, and is marched without observers
-        path, watched = self._nothing, (0, 0)
-        if record is not None:
-            path, watched = self._watcher.of_trace(record, self.step, count, state["memory"])
-        status, done, body, evaluations = self._loops.march(state, bound, path, count, watched)
+        seen = record is not None and self._watcher.sees_path
+        path = self._watcher.path(count) if seen else self._nothing
+        status, done, body, evaluations = self._loops.march(state, bound, path, count)
         self.evaluations += evaluations
         if status == BEYOND:
             status, count, self._arrived = OK, done, self._arrived or state is self._state
@@ -430,10 +432,10 @@ class Blocks:
             if self._dense and self.clock.changes:  # copies of the state use the same room
                 self._begun_lo, self._lengths = begun_lo, self._loops.lengths(count).copy()
         if record is not None and count:
-            if not watched[0]:
-                self._watcher.begin(record, self.step, now[variable_steps.ORIGIN] if self.clock.changes else 0.0)
-            carry = state["memory"] if watched[0] else None
-            self._watcher.look(h, count, state["q"], state["v"], carry, self._loops.parallel)
+            self._watcher.begin(record, self.step, now[variable_steps.ORIGIN] if self.clock.changes else 0.0)
+            self._sees_more = self._watcher.may_pass(self._loops.scratch)
+            if seen:
+                self._watcher.look(h, count, state["q"], state["v"], self._loops.parallel)
         if self._loops.tasks:
             if not goes_on:
                 self._retired.begin()

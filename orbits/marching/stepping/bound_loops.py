@@ -126,19 +126,9 @@ class BoundLoops:
         return self._form.tag.name, self._tag.name, *alone
 
     @property
-    def form(self) -> Form:
-        """The form of the method."""
-        return self._form
-
-    @property
-    def bodies(self) -> int:
-        """The number of massive bodies."""
-        return self._n
-
-    @property
-    def coefficients(self) -> Any:
-        """The coefficients of whole steps."""
-        return self._usual
+    def scratch(self) -> Array:
+        """The workspace of the massive bodies."""
+        return self._scratch
 
     def begin(self, q: Array, v: Array, massive: NDArray[np.intp], particles: NDArray[np.intp]) -> None:
         """Write the initial state; q, v : (n + m, 3), with the numbers of the massive bodies and of the particles."""
@@ -172,11 +162,8 @@ class BoundLoops:
         bound: tuple[Any, ...],
         path: Array,
         count: int,
-        watched: tuple[int, int] = (0, 0),
     ) -> tuple[int, ...]:
         """March the massive bodies by `count` steps, recorded in `path` unless it is empty.
-
-        watched : the observer of a trace, and its context
 
         Returns (status, steps done, body, evaluations); see `orbits.marching.stepping.driver`.
         """
@@ -190,7 +177,7 @@ class BoundLoops:
                 path, kicks = self._of_copies
             self._record = path, kicks
         room = (self._scratch, self._stages)
-        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count, *watched)
+        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
         return status, done, body, evaluations
 
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:

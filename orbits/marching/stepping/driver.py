@@ -14,7 +14,6 @@ from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
-from orbits.kernels.search.context import no_particles
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_carry, record_one, record_particle, record_particles, record_strip
 from orbits.kernels.state import (
@@ -50,14 +49,11 @@ from orbits.kernels.steps import (
     step_particles,
 )
 
-TRACED = 128
-"""The most steps between two calls of an observer of a trace, which fits into the cache of a core."""
-
 
 @kernel
 def march(
     form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
-    path, every, kicks, steps, observer, context
+    path, every, kicks, steps
 ):  # fmt: skip
     """March by `steps` steps.
 
@@ -66,9 +62,6 @@ def march(
     stages : (slots, rows, columns), a slot for each step, or fewer slots that are reused in turn
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; empty for no recording
     kicks : (steps, rows, 8), receives the carry after each step, for dense output; (0, rows, 8) for no recording
-    observer, context : of methods with a kernel `trace`, or 0; see `orbits.kernels.search.observers`. It is called
-        whenever the path holds `TRACED` steps, which then begins anew, so that it stays in the cache; the arguments are
-        the number of steps done, 0 and `TRACED`
 
     Returns (status, steps done, body or coordinate, evaluations).
     """
@@ -82,10 +75,6 @@ def march(
         if left == 0:
             record(method, model, state, Storage(carry, scratch, stages[slot], share), path, row)
             left, row = every, row + 1
-            if observer != 0 and row > TRACED:  # and the trace begins anew, with this state
-                call_observer(observer, context, no_particles(), h, k, 0, TRACED)
-                record(method, model, state, Storage(carry, scratch, stages[slot], share), path, 0)
-                row = 1
         left -= 1
         storage = Storage(carry, scratch, stages[slot], share)
         status, where, count = take_step(clock, method, model, k, state, storage)

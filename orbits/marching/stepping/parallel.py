@@ -144,7 +144,7 @@ class Parallel:
 
     def march(self, *arguments: Any) -> tuple[int, int, int, int]:
         """March the bodies; the arguments and the result are those of `driver.march`."""
-        *flat, _, _, steps, _, _ = arguments
+        *flat, _, _, steps = arguments
         q, p = flat[7], flat[9]
         fresh = bool(np.array_equal(q[: self._size], self._at))
         self._at = np.zeros(0)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
+from orbits.kernels.maps.nearest import HILL_RADII
 from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
 from orbits.kernels.steps import NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import Lost
@@ -25,9 +26,6 @@ LEAST_STEPS = Integrator.least_steps
 """Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there: those of
 one kick.
 """
-
-HILL_RADII = 3.0
-"""Mutual Hill radii within which two planets disturb each other as much as a few steps can follow."""
 
 FOLLOWED = 4.0
 """Hill radii of a planet within which massless particles take steps of their own, if they are followed. At 4 instead of

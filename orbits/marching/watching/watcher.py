@@ -13,17 +13,14 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.dominant import DOMINANT
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.maps.interaction import STATE_ROWS
+from orbits.kernels.maps.nearest import CLOSEST
 from orbits.kernels.search import collisions
 from orbits.kernels.search.approaches import follow_bodies, follow_particles, search
-from orbits.kernels.search.approaches_of_planets import BODY, SHARE, SHOWN, follow_planets, show_trace
 from orbits.kernels.search.apsides import OPEN, apsides_of
 from orbits.kernels.search.context import Contexts
 from orbits.kernels.search.observers import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.search.record import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
-from orbits.marching.stepping.alignment import aligned
-from orbits.marching.stepping.driver import TRACED
 from orbits.marching.watching.kepler_passages import HILL_RADII
 from orbits.marching.watching.passage_list import BlockList
 
@@ -71,10 +68,13 @@ def _least_eccentricity(order: int) -> float:
     return low
 
 
-def empty_record(rows: int) -> Array:
-    """Return an empty record of closest approaches, for massive bodies and particles together."""
+def empty_record(rows: int, wanted: bool = True) -> Array:
+    """Return an empty record of closest approaches, for massive bodies and particles together.
+
+    wanted : whether these are looked for; else no approach is closer than those on record, at distance 0
+    """
     record = np.zeros((QUANTITIES, 2, padded(rows)))
-    record[0] = np.inf
+    record[0] = np.inf if wanted else 0.0
     return record
 
 
@@ -88,11 +88,12 @@ class Watcher:
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.search.context`
     tasks : the number of tasks that march particles at the same time
     on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
-    trace_rows : see `Form.trace_rows`
     order : of the method, for what is looked for between the ends of steps
-    whole_path : whether all states of a block are needed in its path, also of a block that is recorded in a trace
+    notes_nearest : see `Form.notes_nearest`
+    whole_path : whether all states of a block are needed in its path in any case
 
     contexts, lists : of the massive bodies, then of each task
+    sees_path : whether all states of the next block are to be recorded
     given : whether the motion of all massive bodies is given: approaches among these are not looked for
     """
 
@@ -112,9 +113,9 @@ class Watcher:
         tasks: int = 0,
         radii: Array | None = None,
         on_kepler_orbits: bool = False,
-        trace_rows: int = 0,
-        whole_path: bool = False,
         order: int = 8,
+        notes_nearest: bool = False,
+        whole_path: bool = True,
     ) -> None:
         self._parameters, self._stride, self.given = parameters, len(q), False
         self._path = np.empty(0)
@@ -125,10 +126,6 @@ class Watcher:
         self._collide = radii is not None
         self.dominant = self._dominant_body()
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
-        self._trace_rows, self._of_trace = trace_rows, 0
-        few = 1 < len(massive) <= 1 + WIDTH and not len(particles)
-        self._planets = trace_rows > 0 and few and self.dominant == 0 and not whole_path
-        (self._trace,) = aligned(((TRACED + 1) * trace_rows * WIDTH,))
         of_bodies = slice(0, 3 * len(massive))
         self._annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
         self.listed_within = np.zeros(padded(len(massive)))
@@ -164,6 +161,9 @@ class Watcher:
             self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
+        observed = len(self._stops) or energy_bound is not None or self._collide or whole_path
+        self._screens = notes_nearest and not observed
+        self.sees_path = not self._screens
         self._energy_bound, self._energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -206,41 +206,11 @@ class Watcher:
 
     def path(self, steps: int) -> Array:
         """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
-        size = 2 * (steps + 1 + SHOWN) * self._stride
+        size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
             self._path = np.zeros(size)
             self.contexts.enter(path=self._path)
         return self._path
-
-    def of_trace(self, record: Array, first: int, steps: int, carry: Array) -> tuple[Array, tuple[int, int]]:
-        """Prepare for a block of `steps` steps that is recorded in a trace, as `begin` does; return the trace, with its
-        observer and that one's context. Without a trace, return the path, and (0, 0).
-
-        carry : that of the march
-        """
-        path = self.path(steps)
-        if not self._trace_rows:
-            return path, (0, 0)
-        if not self._of_trace:
-            self._of_trace = observer_address(follow_planets if self._planets else show_trace)
-            self.contexts.enter(trace=self._trace)
-            self.number(carry)
-        self.begin(record, first)
-        return self._trace, (self._of_trace, self.contexts.addresses[0])
-
-    def number(self, carry: Array) -> None:
-        """Take over the order of the planets in the carry of a march that is recorded in a trace."""
-        if self._of_trace:
-            self.contexts.enter(lanes=self._numbered(carry))
-
-    def _numbered(self, carry: Array) -> Array:
-        """Return `lanes` of `orbits.kernels.search.context`."""
-        lanes, inside = np.zeros((2, WIDTH)), self._parameters[1 + self.dominant]
-        lanes[BODY] = carry[STATE_ROWS + 2]
-        for k, body in enumerate(lanes[BODY, : len(self._massive) - 1].astype(int)):
-            inside += self._parameters[1 + body]
-            lanes[SHARE, k] = self._parameters[1 + body] / inside
-        return lanes
 
     def recorded(self, steps: int) -> Array:
         """Return the record of a block of steps: (steps + 1, 2, padded), q and v of the massive bodies."""
@@ -250,26 +220,24 @@ class Watcher:
         """Search for closest approaches among the massive bodies."""
         follow_bodies(self.contexts.addresses[0], h, steps)
 
-    def _end_trace(self, h: float, steps: int, carry: Array) -> None:
-        """Observe the last steps of a block, which ended with this carry."""
-        rows, left = carry[[*range(STATE_ROWS // 2), STATE_ROWS]], steps - TRACED * ((steps - 1) // TRACED)
-        self._trace[left * rows.size : (left + 1) * rows.size] = rows.ravel()
-        observe(self._of_trace, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, left)
+    def may_pass(self, room: Array) -> bool:
+        """Return whether planets may have passed each other in the block just marched, so that all its states have to
+        be seen: from now on, until they may not; room : the scratch of the march
+        """
+        if not self._screens:
+            return False
+        seen, self.sees_path = self.sees_path, not bool((room[CLOSEST] <= 1.0).all())
+        return self.sees_path and not seen
 
-    def look(
-        self, h: float, steps: int, q: Array, v: Array, carry: Array | None = None, parallel: Parallel | None = None
-    ) -> None:
+    def look(self, h: float, steps: int, q: Array, v: Array, parallel: Parallel | None = None) -> None:
         """Observe the massive bodies in the block of `steps` steps just marched, which ended at q and v.
 
-        carry : that of the march, for a block that was recorded in a trace
         parallel : searches for closest approaches with several threads, for thousands of bodies
         """
         self._set_state(steps, q, v)
-        if carry is not None:
-            self._end_trace(h, steps, carry)
         if parallel is not None:
             parallel.follow(self, h, steps)
-        elif (carry is None or not self._planets) and not self.given:
+        elif not self.given:
             self.follow(h, steps)
         for observer in (self._find_suspect, self._find_touch):
             observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
