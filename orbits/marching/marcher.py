@@ -77,6 +77,7 @@ class Marcher(Blocks):
         retired if they hit one
     underway : whether it begins in a state of a run that is over, which decided which particles are retired before
         encounters: here they are not, and may be in one
+    approaches : whether closest approaches are recorded, for `approaches`
 
     After `advance`, `met` is why it stopped, `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watching.watcher`, or
     None.
@@ -103,6 +104,7 @@ class Marcher(Blocks):
         radii: Array | None = None,
         surfaces: Array | None = None,
         underway: bool = False,
+        approaches: bool = True,
     ) -> None:
         self.lagrangian = lagrangian
         self.integrator = integrator
@@ -112,6 +114,7 @@ class Marcher(Blocks):
         self.clock = clock_of(clock)
         self.clock.check(integrator)
         self.names = tuple(names)
+        self.looks_for_approaches = approaches
         self.step = 0
         self._start = float(start)
         self.evaluations = 0
@@ -368,6 +371,7 @@ class Marcher(Blocks):
         if len(q) > self._bodies:
             massive[self._particles] = False
         options = {"names": self.names, "retire": self._retire, "forces": self._forces_now(), **options}
+        options = {"approaches": self.looks_for_approaches, **options}
         if self._surfaces is not None:
             surfaces = np.zeros(len(q))
             surfaces[massive] = self._surfaces
