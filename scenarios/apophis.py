@@ -204,6 +204,7 @@ scenario = orbits.Scenario(
     system=systems,
     duration=DAYS * u.day,
     samples=729,
+    approaches=True,
     against=(),
     checks=checks,
     draw=draw,

@@ -361,6 +361,7 @@ scenario = orbits.Scenario(
     system=systems,
     duration=DAYS * u.day,
     samples=DAYS + 1,
+    approaches=True,
     against=("ias15",),
     # 1e-5 km, a centimetre, was reached, and 3e-5 km over rotated starts; 3e-16 and 2e-16.
     tolerances={"gauss": {"position_km": 1e-4, "energy": 3e-15, "angular_momentum": 3e-15}},

@@ -184,6 +184,7 @@ scenario = orbits.Scenario(
     system=system,
     duration=70.0,
     samples=281,
+    approaches=True,
     against=("ias15",),
     # 2e-5, 4e-14 and 4e-17 were reached; 8e-5 and 2e-13 at most over rotated starts.
     tolerances={"gauss": {"position": 2e-4, "energy": 1e-12, "angular_momentum": 1e-15}},

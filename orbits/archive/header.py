@@ -54,6 +54,7 @@ class Header:
     events : what was sought in the run, as JSON; "" without events
     steps : for how many states at the beginnings of steps there is room, for dense output; 0 for none
     origin : the scenario with options that the run was made by; None for any other run
+    approaches : whether closest approaches are recorded, as in all archives that do not say so
 
     Raises ArchiveError for values that no run has.
     """
@@ -66,6 +67,7 @@ class Header:
     events: str = ""
     steps: int = 0
     origin: Origin | None = None
+    approaches: bool = True
 
     def __post_init__(self) -> None:
         _check_integrator(self.integrator)
@@ -101,6 +103,7 @@ def to_items(header: Header) -> dict[str, Item]:
         "system/v": values.v,
         "system/v@unit": _unit_text(units.speed),
         "system@softening": float(values.softening),
+        "@approaches": float(header.approaches),
         "units@name": units.name,
         "units@length": _unit_text(units.length),
         "units@time": _unit_text(units.time),
@@ -186,7 +189,16 @@ def from_items(items: Mapping[str, Any]) -> Header:
         _item(items, "@events", str) if "@events" in items else "",
         _room(items) if "steps@room" in items else 0,
         Origin.from_json(_item(items, "@scenario", str)) if "@scenario" in items else None,
+        _approaches(items) if "@approaches" in items else True,
     )
+
+
+def _approaches(items: Mapping[str, Any]) -> bool:
+    """Return whether closest approaches are recorded. Raises ArchiveError for anything but 0 and 1."""
+    recorded = _item(items, "@approaches", float)
+    if recorded not in (0.0, 1.0):
+        raise ArchiveError(f"@approaches is {recorded}; expected 1 if closest approaches are recorded, 0 if not.")
+    return bool(recorded)
 
 
 def _room(items: Mapping[str, Any]) -> int:

@@ -196,6 +196,11 @@ class Archive:
         return self._header.origin
 
     @property
+    def approaches(self) -> bool:
+        """Whether closest approaches are recorded."""
+        return self._header.approaches
+
+    @property
     def complete(self) -> bool:
         """Whether all samples of the run are stored, and the run came to its end."""
         return self.committed == len(self.times) and (self.ended.finished or not self.grid.goes_on)

@@ -68,6 +68,7 @@ class ArchiveWriter:
         events: str = "",
         steps: int = 0,
         origin: Origin | None = None,
+        approaches: bool = True,
         overwrite: bool = False,
     ) -> Self:
         """Create the file, with all of its space reserved and the start of the run committed.
@@ -81,12 +82,14 @@ class ArchiveWriter:
         events : what is sought in the run, as JSON
         steps : room for so many states at the beginnings of steps, for dense output; it grows as needed
         origin : the scenario with options that the run is made by
+        approaches : whether closest approaches are recorded
         overwrite : whether a file at `path` may be replaced; it is kept until the new one is complete
 
         Raises ArchiveError for a path that exists, that cannot be written, or that another run is writing;
         StorageError, with the required and the free space, if the device has not enough.
         """
-        header = Header(system, dict(integrator), grid, dict(provenance), certificate, events, steps, origin)
+        texts = certificate, events
+        header = Header(system, dict(integrator), grid, dict(provenance), *texts, steps, origin, approaches)
         place = schema.resolved(path)
         check_target(place, overwrite)
         nothing = np.empty((0, len(system), 3))

@@ -129,7 +129,7 @@ class Campaign:
         a_min, a_max, e_min, e_max, inc_min, inc_max : over the samples, about the most massive body; of systems
             (members, bodies), in the order of the bodies, NaN for the most massive one
         closest, closest_to, closest_at : the closest approach to another body than the most massive one, and its time;
-            infinity if none came near
+            infinity if none came near; unless the plan has approaches=False
         megno, unresolved_at : if asked for; and when the first passage was that its method cannot follow
         energy_error : of systems, the largest relative deviation at the samples
         """

@@ -110,7 +110,7 @@ def _extremes(run: Trajectory) -> Columns:
 
 def _approaches(run: Trajectory) -> Columns:
     """Return the closest approach of each body to one other than the dominant one, (bodies,): distance, the other body,
-    time; infinity if there was none.
+    time; infinity if there was none. Nothing if the run did not look for them.
 
     They are as they were recorded during the march, from the two-body orbit within the step: over a century of
     near-Earth asteroids by WisdomHolman and Gauss to 1e-6 of the distance, 2e-3 at worst. To march through them again,
@@ -126,6 +126,8 @@ def _approaches(run: Trajectory) -> Columns:
         seen = seen_by(run)
     except OrbitsError:  # massive bodies merged, or there are samples only
         return out
+    if not seen.looked:
+        return {}
     numbers = {body: int(seen.closest[body, 1]) for body in range(count) if seen.closest[body, 1] >= 0}
     refine(run, seen, [number for number in set(numbers.values()) if not np.isfinite(seen.passages[number].distance)])
     for body, number in numbers.items():
@@ -138,6 +140,8 @@ def _approaches(run: Trajectory) -> Columns:
 
 def _closest_pair(run: Trajectory) -> dict[str, Any]:
     found = _approaches(run)
+    if not found:
+        return {}
     k = int(np.argmin(found["closest"]))
     pair = "" if not np.isfinite(found["closest"][k]) else f"{run.names[k]}, {found['closest_to'][k]}"
     return {"closest": float(found["closest"][k]), "closest_to": pair, "closest_at": float(found["closest_at"][k])}

@@ -243,7 +243,8 @@ def _marched(
     caught: list[Said],
 ) -> tuple[dict[int, Trajectory], dict[int, BaseException]]:
     """March systems to their ends; return the trajectories, complete or not, and the errors of those that failed."""
-    known = {name: task.options[name] for name in ("stop", "events", "check_step") if name in task.options}
+    own = "stop", "events", "check_step", "approaches"
+    known = {name: task.options[name] for name in own if name in task.options}
     runs: dict[int, Trajectory] = {}
     ready: dict[int, Run] = {}
     failures: dict[int, BaseException] = {}

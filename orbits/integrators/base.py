@@ -113,6 +113,13 @@ class Integrator:
         return False
 
     @property
+    def looks_for_approaches(self) -> bool:
+        """Whether runs record closest approaches if they are not told to or not to: where that costs little beside a
+        step, as beside an implicit one.
+        """
+        return False
+
+    @property
     def second_order(self) -> Form | None:
         """The form for separable Lagrangians, q'' = g(q), or None."""
         return None

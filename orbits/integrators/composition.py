@@ -124,6 +124,11 @@ class Composition(Integrator):
         return self.base.variational
 
     @property
+    def looks_for_approaches(self) -> bool:
+        """As in runs of the base."""
+        return self.base.looks_for_approaches
+
+    @property
     def tableau(self) -> PartitionedTableau:
         """The stages of all substeps in sequence."""
         return self._scheme.split() if self._chain else self._scheme.composed(self.base.tableau)

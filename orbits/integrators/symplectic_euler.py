@@ -68,6 +68,11 @@ class SymplecticEuler(VariationalRungeKutta):
         return _VARIANTS[self.variant]()
 
     @property
+    def looks_for_approaches(self) -> bool:
+        """No: a kick and a drift cost as little as the search."""
+        return False
+
+    @property
     def second_order(self) -> Splitting:
         """A kick and a drift, explicit if the Lagrangian is separable."""
         return Splitting(_FLOWS[self.variant], drifts=1)

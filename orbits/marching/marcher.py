@@ -114,6 +114,7 @@ class Marcher(Blocks):
         self.clock = clock_of(clock)
         self.clock.check(integrator)
         self.names = tuple(names)
+        self.looks_for_approaches = approaches
         self.step = 0
         self._start = float(start)
         self.evaluations = 0
@@ -370,6 +371,7 @@ class Marcher(Blocks):
         if len(q) > self._bodies:
             massive[self._particles] = False
         options = {"names": self.names, "retire": self._retire, "forces": self._forces_now(), **options}
+        options = {"approaches": self.looks_for_approaches, **options}
         if self._surfaces is not None:
             surfaces = np.zeros(len(q))
             surfaces[massive] = self._surfaces

@@ -101,7 +101,7 @@ class LeavingMarcher(Marcher):
     ) -> None:
         self._away = self._away_last = False
         super().__init__(lagrangian, integrator, parameters, massive, q, v, clock, **options)
-        shared = ("names", "threads", "stops", "retire", "dense")
+        shared = ("names", "threads", "stops", "retire", "dense", "approaches")
         known: dict[str, Any] = {name: options[name] for name in shared if name in options}
         if self._surfaces is not None:
             known["surfaces"] = options["surfaces"]
@@ -209,12 +209,14 @@ class LeavingMarcher(Marcher):
         """Return the passages listed so far, and the number of those left out; see `Marcher`."""
         return self._all_passages(*self._own.passages())
 
-    def record_at(self, end: float) -> tuple[Array, Array, int]:
-        """Return closest approaches, passages, and the number left out, up to a time less than a chosen step ahead,
-        while all bodies are away.
+    def record_at(self, end: float) -> tuple[Array | None, Array, int]:
+        """Return closest approaches, None if they are not looked for, passages, and the number left out, up to a time
+        less than a chosen step ahead, while all bodies are away.
         """
         ended = self._own.ended_at(end) if (end - self.time) * self.clock.direction > 0.0 else self._own
-        closest = self._merged(self._state["approaches"].copy(), ended.approaches())
+        closest = None
+        if self.looks_for_approaches:
+            closest = self._merged(self._state["approaches"].copy(), ended.approaches())
         return closest, *self._all_passages(*ended.passages())
 
     def _all_passages(self, away: Array, left_out: int) -> tuple[Array, int]:

@@ -64,7 +64,7 @@ class Ahead(NamedTuple):
 class ChangingMarch:
     """A march of a system whose bodies collide, with the interface of `Marcher` that runs need.
 
-    system : at the start; events : of the run, where collisions are listed
+    system : at the start; events : of the run, where collisions are listed; approaches : as in `propagate`
 
     rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
     found : the event that interrupts the march before the next collision, or None
@@ -73,11 +73,17 @@ class ChangingMarch:
     """
 
     def __init__(
-        self, system: System, integrator: Integrator, clock: Clock, threads: int | None, events: Seeking
+        self,
+        system: System,
+        integrator: Integrator,
+        clock: Clock,
+        threads: int | None,
+        events: Seeking,
+        approaches: bool | None = None,
     ) -> None:
         self.system, self.integrator, self.clock = system, integrator, clock
         self._collisions = Collisions(system, events.touching) if events.touching else None
-        self._events, self._threads = events, threads
+        self._events, self._threads, self._approaches = events, threads, approaches
         self._massive = system.massive
         self.rows: Array = no_changes()
         self.ended: tuple[Array, State] | None = None
@@ -514,6 +520,7 @@ class ChangingMarch:
             start=0.0 if clock.changes else time,  # such a clock reads the time since the start of the run
             radii=radii,
             dense=bool(self._events),
+            approaches=self._approaches,
         )
         if clock.changes and time != 0.0:
             now = made.checkpoint()
@@ -612,11 +619,17 @@ def march_of_run(
     threads: int | None,
     events: Seeking,
     conditions: Conditions | None = None,
+    approaches: bool | None = None,
 ) -> March:
-    """Return the march of a run of a system. Raises InputError for what cannot be sought together."""
+    """Return the march of a run of a system. Raises InputError for what cannot be sought together.
+
+    approaches : as in `propagate`
+    """
     if not events.touching and not events.act:
         stops = None if events.stops is None else events.stops.rows
-        march = bound(system, integrator, clock, threads, conditions, dense=bool(events), stops=stops)
+        march = bound(
+            system, integrator, clock, threads, conditions, dense=bool(events), stops=stops, approaches=approaches
+        )
         events.check(march)
         return march
     if conditions is not None and conditions.distances:
@@ -640,7 +653,7 @@ def march_of_run(
             f"collisions are sought, but {integrator.label} cannot follow bodies that come close to each other. Use "
             "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
         )
-    march_on = ChangingMarch(system, integrator, clock, threads, events)
+    march_on = ChangingMarch(system, integrator, clock, threads, events, approaches)
     events.check(march_on.current)
     return march_on
 

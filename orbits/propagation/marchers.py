@@ -60,6 +60,7 @@ def bound(
     dense: bool = False,
     underway: bool = False,
     stops: NDArray[np.float64] | None = None,
+    approaches: bool | None = None,
 ) -> Marcher:
     """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
@@ -69,6 +70,7 @@ def bound(
     dense : whether the motion within its steps is recorded, block by block
     underway : whether the state is one of a run that is over, which decided which particles are retired in encounters
     stops : the pairs for which it stops; see `Marcher`
+    approaches : as in `propagate`
 
     Raises InputError if the integrator does not support the terms and forces of the system.
     """
@@ -88,6 +90,7 @@ def bound(
         names=system.names,
         threads=threads,
         stops=stops,
+        approaches=looks_for_approaches(approaches, integrator, system),
         energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
         radii=radii,
         surfaces=None if system.radii is None or clock_of(clock).changes else np.asarray(system.radii.value),
@@ -106,18 +109,26 @@ def march_of(
     integrator: Integrator,
     clock: Clock | float,
     acting: Model | None = None,
+    approaches: bool | None = None,
     **options: Any,
 ) -> Marcher:
     """Return bodies bound to a method and a clock or a step, with `retire` set: a massless particle that cannot be
     stepped is retired alone. The options are those of `Marcher`.
 
     acting : the model of these bodies, from `orbits.system.model.model`; None for Newton's gravity alone
+    approaches : whether closest approaches are recorded; None for what the method does by default
     """
     gm, q, v, softening = bodies
     massive = bodies.massive
     lagrangian, vectors, forces = acting or Model(newtonian, parameters(gm[massive], softening), ())
     kind = LeavingMarcher if integrator.follows_meetings else Marcher
+    options["approaches"] = integrator.looks_for_approaches if approaches is None else approaches
     return kind(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, forces=forces, **options)
+
+
+def looks_for_approaches(asked: bool | None, integrator: Integrator, system: System) -> bool:
+    """Return whether a run records closest approaches; asked : as in `propagate`."""
+    return integrator.looks_for_approaches or bool(system.rigid) if asked is None else asked
 
 
 def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:

@@ -68,6 +68,7 @@ class Options(TypedDict, total=False):
     events: Sought | Sequence[Sought]
     callback: Callback | None
     check_step: bool | Literal["refuse"]
+    approaches: bool | None
     dense: bool
     progress: bool | None
     threads: int | None
@@ -111,6 +112,7 @@ def propagate(
     events: Sought | Sequence[Sought] = (),
     callback: Callback | None = None,
     check_step: bool | Literal["refuse"] = True,
+    approaches: bool | None = None,
     dense: bool = False,
     progress: bool | None = None,
     threads: int | None = None,
@@ -156,9 +158,13 @@ def propagate(
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run. With it, or with events, the systems of a list are propagated one after the other
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
-        about close passages that the step did not resolve (see `run.closest_approaches()`); with `OrbitsWarning` about
+        about close passages that the step did not resolve (see `run.unresolved()`); with `OrbitsWarning` about
         bodies so far from the origin that their separations have few digits. "refuse" raises InputError instead of the
         warning before the run; False leaves all of this out
+    approaches : whether closest approaches are looked for, for `run.closest_approaches()`. None looks for them where
+        that takes little time, with Gauss and other implicit methods, and with rigid bodies, to warn of those that
+        touch. With kicks and drifts and with maps it takes 10 to 50 % of the time of a run: True asks for them. The
+        states, events and other warnings of a run do not depend on it
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
         once: about 0.3 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
         an event changes the bodies there is a warning, and `run.at` marches from the samples, as without it
@@ -203,6 +209,7 @@ def propagate(
         events=events,
         callback=callback,
         check_step=check_step,
+        approaches=checked_choice(approaches, "approaches"),
         dense=checked_flag(dense, "dense"),
         progress=checked_choice(progress, "progress"),
         threads=threads,
@@ -262,6 +269,7 @@ class RunOptions(NamedTuple):
     events: Sought | Sequence[Sought] = ()
     callback: Callback | None = None
     check_step: bool | Literal["refuse"] = True
+    approaches: bool | None = None
     dense: bool = False
     progress: bool | None = None
     threads: int | None = None
@@ -283,7 +291,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
     seeking = Seeking(system, conditions.beside(how.events), grid.clock.direction)
     check_bodies(system, integrator)
     check_rigid(system, grid)
-    marcher = march_of_run(system, integrator, grid.clock, how.threads, seeking, conditions)
+    marcher = march_of_run(system, integrator, grid.clock, how.threads, seeking, conditions, how.approaches)
     if grid.clock.changes:
         check_length(system, grid)
     check_before_start(system, integrator, grid, how.check_step)
@@ -350,6 +358,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             events=seeking.described(),
             steps=room_for_steps(system, integrator, grid) if dense else 0,
             origin=how.origin,
+            approaches=of_this_leg(marcher).looks_for_approaches,
             overwrite=how.overwrite,
         )
 

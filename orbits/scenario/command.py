@@ -50,6 +50,15 @@ Method = Annotated[
     ),
 ]
 Samples = Annotated[int | None, typer.Option(help="Number of samples, both ends included.", metavar="NUMBER")]
+Approaches = Annotated[
+    bool | None,
+    typer.Option(
+        "--approaches/--no-approaches",
+        help="Whether closest approaches are looked for. Gauss does so by default; methods with cheap steps, such as "
+        "maps, do not, as it takes 10 to 50 % of their time.",
+        metavar="",
+    ),
+]
 Own = Annotated[
     list[str] | None,
     typer.Option(
@@ -177,6 +186,7 @@ def changed(
     integrator: str | None,
     samples: int | None,
     own: Sequence[str] | None = None,
+    approaches: bool | None = None,
 ) -> Scenario | Study:
     """Return the scenario with the options of the command line. Raises InputError for those that a study refuses: all
     of them, but for --dt if it has one.
@@ -184,6 +194,7 @@ def changed(
     scenario = with_own(scenario, own)
     if isinstance(scenario, Study):
         typed = {"--dt": dt, "--duration": duration, "--integrator": integrator, "--samples": samples}
+        typed |= {"--approaches" if approaches else "--no-approaches": approaches}
         takes = ["--dt"] if scenario.dt is not None else []
         refused = [option for option, value in typed.items() if value is not None and option not in takes]
         if refused:
@@ -201,6 +212,7 @@ def changed(
         duration=None if duration is None else quantity(duration, "--duration"),
         integrators=None if integrator is None else [integrators.parse(integrator)],
         samples=samples,
+        approaches=approaches,
     )
     if isinstance(new.dt, Clock):
         try:
@@ -364,6 +376,7 @@ def main(scenario: Scenario | Study) -> None:
         duration: Duration = None,
         integrator: Method = None,
         samples: Samples = None,
+        approaches: Approaches = None,
         own: Own = None,
         out: Out = None,
         as_json: Json = False,
@@ -373,7 +386,7 @@ def main(scenario: Scenario | Study) -> None:
         list_options: ListOptions = False,
     ) -> None:
         with guarded():
-            chosen = changed(scenario, dt, duration, integrator, samples, own)
+            chosen = changed(scenario, dt, duration, integrator, samples, own, approaches)
             if list_options:
                 show_options(chosen, as_json=as_json)
                 return

@@ -94,6 +94,8 @@ class Scenario:
         `orbits.Adaptive(...)`, steps are chosen one by one. In a scenario with options dt may also be a function of
         their values
     samples : number of samples, both ends included
+    approaches : as in `orbits.propagate`: True for checks and pictures that use the closest approaches of a run by a
+        method that does not look for them by default
     against : peers to compare with, such as "whfast" and "ias15"; empty for no comparison. Only "ias15" takes part in
         a comparison without dt
     tolerances : of the comparison, as in `orbits.compare`
@@ -132,6 +134,7 @@ class Scenario:
     dt: Any = None
     duration: Any
     samples: int = 101
+    approaches: bool | None = None
     against: Sequence[str] = ("whfast", "ias15")
     tolerances: Mapping[str, Any] = field(default_factory=dict)
     checks: Callable[[Outcome], Iterable[Check]] | None = None
@@ -143,7 +146,8 @@ class Scenario:
         main: ClassVar[Callable[[], None]]
 
     def __post_init__(self) -> None:
-        from orbits.checks import whole_number  # imports NumPy, which the start of the command line avoids
+        # These import NumPy, which the start of the command line avoids.
+        from orbits.checks import checked_choice, whole_number
         from orbits.integrators import named
 
         check_label(self.name, self.title)
@@ -162,6 +166,7 @@ class Scenario:
         except InputError as error:
             raise type(error)(f"scenario {self.name!r}: {error}") from None
         whole_number(self.samples, f"scenario {self.name!r}: samples (both ends included)", least=2)
+        checked_choice(self.approaches, f"scenario {self.name!r}: approaches")
         if not isinstance(self.tolerances, Mapping) or not all(isinstance(key, str) for key in self.tolerances):
             raise InputError(
                 f"scenario {self.name!r}: tolerances must be a mapping such as {{'energy': 1e-12}}; got "

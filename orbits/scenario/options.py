@@ -12,7 +12,7 @@ from typing import Any
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.option_values import LARGEST, OPTION_NAME, is_option_value, option_text
 
-_OF_ALL = ("dt", "duration", "integrator", "samples")
+_OF_ALL = ("dt", "duration", "integrator", "samples", "approaches")
 """What can be changed in any scenario, by options of the command line."""
 _WORDS = {"yes": True, "true": True, "on": True, "no": False, "false": False, "off": False}
 """How truth values may be typed."""

@@ -157,7 +157,8 @@ class Runs:
         self._look(name, method.label)  # what another process has begun since
         origin = self._scenario.origin()
         system, grid = self.systems[name], self.grids[name]
-        return propagated(system, method, grid, archive=path, overwrite=True, origin=origin, **pacing)
+        how = {"approaches": self._scenario.approaches, "origin": origin, **pacing}
+        return propagated(system, method, grid, archive=path, overwrite=True, **how)
 
     def _look(self, name: str, label: str) -> str:
         method = next(each for each in self._scenario.integrators if each.label == label)

@@ -93,6 +93,7 @@ def _failed(ended: Ended) -> bool:
 def _differences(old: Archive, scenario: Scenario, now: Integrator, system: System, grid: TimeGrid) -> list[str]:
     """Return in words what is different in the run of an archive from this one."""
     from orbits import integrators
+    from orbits.propagation.marchers import looks_for_approaches
 
     found = []
     its, mine = old.origin, scenario.origin()
@@ -125,6 +126,8 @@ def _differences(old: Archive, scenario: Scenario, now: Integrator, system: Syst
             found.append("it has samples at other times" if len(old.grid) == len(grid) else f"it has {many}")
         if not found and old.system != system:
             found.append("it has other bodies, states or forces")
+    if looks_for_approaches(scenario.approaches, now, system) and not old.approaches:
+        found.append("it looks for no closest approaches, and this one does")
     if old.events_text or old.steps is not None:
         found.append("it was made by orbits.propagate, with " + ("events" if old.events_text else "dense output"))
     return found

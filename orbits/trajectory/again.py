@@ -150,7 +150,8 @@ class MarchedAgain:
         They include all flybys within the reach of a body, each with the error it causes at the end of the run.
         The distance of a body far out from a star whose inner planets make it swing is known to the amplitude of this
         swing: one looks as often as the body itself moves.
-        Raises InputError for a trajectory that was not made by `propagate` or `resume`.
+        Raises InputError for a run that did not look for them (see `approaches` of `propagate`), and for a trajectory
+        that was not made by `propagate` or `resume`.
         """
         run: Trajectory = self  # type: ignore[assignment]
         return self._marches_again("run.closest_approaches").closest_approaches(run)

@@ -74,7 +74,8 @@ def propagated(
     system: Any, method: Any, *, also: tuple[Callable[..., dict[str, Any]], ...] = (), **options: Any
 ) -> Any:
     """Return the quantities of one run."""
-    run = orbits.propagate(system, method, **{"threads": 1, **QUIET, **options})
+    options = {"threads": 1, "approaches": approaches in also, **QUIET, **options}
+    run = orbits.propagate(system, method, **options)
     found = states(run)
     for more in also:
         found |= more(run)

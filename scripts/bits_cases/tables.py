@@ -343,7 +343,7 @@ def lists() -> Iterator[Case]:
 def listed(method: Any, dt: Any, massive: bool, threads: int) -> Facts:
     """Return the facts of eleven systems that are propagated as a list, and whether each is as it is alone."""
     bodies = [systems.perturbed(k, massive) for k in range(11)]
-    options: Options = {"dt": dt, "duration": 6.25, "samples": 6, **QUIET}
+    options: Options = {"dt": dt, "duration": 6.25, "samples": 6, "approaches": True, **QUIET}
     found: Facts = {}
     for k, run in enumerate(orbits.propagate(bodies, method, threads=threads, **options)):
         alone = facts(orbits.propagate(bodies[k], method, threads=1, **options))

@@ -31,7 +31,7 @@ def in_all_ways(system: Any, method: Any, *, duration: Any, killed: bool = True,
     """
 
     def run(samples: Any = ON_GRID, **more: Any) -> Any:
-        given = {"threads": 1, **QUIET, **options, **more}
+        given = {"threads": 1, "approaches": True, **QUIET, **options, **more}
         return orbits.propagate(system, method, duration=duration, samples=samples * duration / 10, **given)
 
     first = run()

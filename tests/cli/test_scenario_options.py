@@ -11,7 +11,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from orbits.archive import Archive
 from orbits.cli import app
+from orbits.ensemble import open as open_campaign
 from orbits.scenario import bundled
 
 FILE = """import orbits
@@ -44,6 +46,28 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def call(*words: str) -> Any:
     return CliRunner().invoke(app, [*words])
+
+
+def test_a_run_looks_for_closest_approaches_as_it_is_told() -> None:
+    for method, expected in (("stormer-verlet", [False, True, False]), ("gauss(stages=4)", [True, True, False])):
+        for told, has in zip(([], ["--approaches"], ["--no-approaches"]), expected, strict=True):
+            out = call("run", "pair.py", "--integrator", method, "--no-plot", *told)
+            assert out.exit_code == 0, out.output
+            with Archive.open("results/pair/run.h5") as archive:
+                assert archive.approaches is has
+
+
+def test_a_study_takes_no_choice_of_closest_approaches() -> None:
+    out = call("run", "eccentric", "--no-approaches")
+    assert out.exit_code == 2
+    assert "it takes no --no-approaches" in " ".join(out.stderr.split())
+
+
+def test_a_campaign_leaves_closest_approaches_out_as_it_is_told() -> None:
+    for told in ([], ["--no-approaches"]):
+        out = call("ensemble", "pair.py", "--out", f"c{len(told)}", "--workers", "1", *told)
+        assert out.exit_code == 0, out.output
+        assert ("closest" in open_campaign(f"c{len(told)}").summary.colnames) is not bool(told)
 
 
 def test_a_run_has_the_options_that_were_set_and_says_them_everywhere() -> None:

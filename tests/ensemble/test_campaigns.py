@@ -86,7 +86,7 @@ def test_the_table_has_what_the_runs_have(tmp_path):
     options = {**OPTIONS, "samples": 41}
     campaign = ensemble.run(belt(60, outermost=5.0), tmp_path / "c", block=16, **options)
     with pytest.warns(orbits.RetiredWarning):
-        run = orbits.propagate(system(60, outermost=5.0), **options)
+        run = orbits.propagate(system(60, outermost=5.0), approaches=True, **options)
     table, elements = campaign.summary, run.elements(primary="Sun")
     lost = {one.name: one for one in run.retired}
     assert 0 < len(lost) < 60

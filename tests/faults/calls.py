@@ -117,7 +117,8 @@ def calls(system: orbits.System, real: orbits.System, run: orbits.Trajectory) ->
             orbits.Scenario,
             {
                 "name": ("s",), "title": ("A scenario",), "system": (system,), "integrators": (["gauss"],),
-                "dt": (0.1,), "duration": (1.0,), "samples": (3,), "against": ((),), "tolerances": ({},),
+                "dt": (0.1,), "duration": (1.0,), "samples": (3,), "approaches": (None, True), "against": ((),),
+                "tolerances": ({},),
             },
         ),
         "Heartbeat": (orbits.Heartbeat, {"every": (60.0,)}),

@@ -17,6 +17,7 @@ METHOD = orbits.StormerVerlet()
 SAMPLES = 13
 ARGUMENTS: dict[str, Any] = {
     "dt": 0.5 * u.day, "duration": 60 * u.day, "samples": SAMPLES, "progress": False, "check_step": False, "threads": 1,
+    "approaches": True,
 }  # fmt: skip
 LONGER = 80 * u.day
 

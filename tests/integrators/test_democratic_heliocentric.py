@@ -198,7 +198,7 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
 def test_samples_and_archives_leave_the_run_as_it_is_and_observers_see_it(tmp_path):
     start, options = system({(1.3, 0.1): 3, (2.7, 0.15): 4}), {"dt": 1 * u.day, "progress": False, "check_step": False}
     method = "wisdom-holman(coordinates='democratic-heliocentric')"
-    many = orbits.propagate(start, method, duration=1200 * u.day, samples=38, **options)
+    many = orbits.propagate(start, method, duration=1200 * u.day, samples=38, approaches=True, **options)
     part = orbits.propagate(
         start, METHOD, duration=500 * u.day, samples=4, archive=tmp_path / "run.h5", threads=1, **options
     )

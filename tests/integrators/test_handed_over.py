@@ -148,8 +148,9 @@ def test_crossers_are_followed_in_democratic_heliocentric_coordinates_too():
 def test_closest_approaches_of_followed_particles_do_not_depend_on_threads():
     """To the last bit: each share of the particles has its own bodies, which are seen the same in all."""
     start = system(CROSSERS)
+    options = {"dt": 25 * u.day, "samples": 2, "approaches": True, "progress": False}
     one, other = (
-        orbits.propagate(start, FOLLOW, dt=25 * u.day, duration=-100 * u.yr, samples=2, threads=threads, progress=False)
+        orbits.propagate(start, FOLLOW, duration=-100 * u.yr, threads=threads, **options)
         for threads in (1, 5)
     )
     found, expected = other.closest_approaches().distance, one.closest_approaches().distance
@@ -163,7 +164,7 @@ def test_samples_archives_threads_and_times_between_leave_the_run_as_it_is(tmp_p
     start, options = system([*CROSSERS[:16], PLUNGER]), {"dt": -DT * u.day, "progress": False}
     with warnings.catch_warnings():
         warnings.simplefilter("error", orbits.StepWarning)  # all passages are followed
-        many = orbits.propagate(start, FOLLOW, duration=-30 * u.yr, samples=41, **options)
+        many = orbits.propagate(start, FOLLOW, duration=-30 * u.yr, samples=41, approaches=True, **options)
         part = orbits.propagate(
             start, FOLLOW, duration=-11 * u.yr, samples=3, archive=tmp_path / "run.h5", threads=2, **options
         )

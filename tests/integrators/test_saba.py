@@ -192,7 +192,7 @@ def test_observers_see_the_states_as_they_are():
     """Closest approaches of planets and of a particle to planets, between samples, as by collocation."""
     start = system({(1.3, 0.1): 3, (2.7, 0.15): 4})
     options = {"duration": 6 * u.yr, "samples": 2, "progress": False, "check_step": False}
-    found = orbits.propagate(start, DEFAULT, dt=3 * u.day, **options).closest_approaches()
+    found = orbits.propagate(start, DEFAULT, dt=3 * u.day, approaches=True, **options).closest_approaches()
     exact = orbits.propagate(start, GAUSS, dt=1 * u.day, **options).closest_approaches()
     for name in ("Venus", "Mars", "p0", "p1"):
         seen = {one.other: one for one in found[name]}

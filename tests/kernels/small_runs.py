@@ -47,7 +47,7 @@ def system(n: int, particles: int, gm: float = 1e-5, radius: float = 0.0) -> orb
 
 def run(start: Any, method: Any = None, **options: Any) -> Any:
     """Return a run whose passages and whose motion between samples have been looked at."""
-    found = orbits.propagate(start, method, **{**QUIET, "duration": 2.0, **options})
+    found = orbits.propagate(start, method, **{**QUIET, "duration": 2.0, "approaches": True, **options})
     if isinstance(start, orbits.System):
         found.closest_approaches()
         found.at(0.7)

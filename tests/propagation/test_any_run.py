@@ -33,7 +33,18 @@ def many(x: Any) -> bool:
     1500,
     changes=st.dictionaries(
         st.sampled_from(
-            ["samples", "progress", "certificate", "threads", "integrator", "system", "stop", "callback", "check_step"]
+            [
+                "samples",
+                "progress",
+                "certificate",
+                "threads",
+                "integrator",
+                "system",
+                "stop",
+                "callback",
+                "check_step",
+                "approaches",
+            ]
         ),
         junk,
         max_size=2,

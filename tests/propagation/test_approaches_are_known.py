@@ -44,7 +44,9 @@ def test_a_map_that_is_marched_again_from_within_an_encounter_loses_nobody():
     passage is judged, but within those of the planet's, by which the start of a run is.
     """
     with pytest.warns(orbits.RetiredWarning, match="retired 5 massless particles before encounters"):
-        run = orbits.propagate(belt(40, 5.5), duration=20 * u.yr, dt="30 d", integrator=MAP, samples=5, progress=False)
+        run = orbits.propagate(
+            belt(40, 5.5), MAP, duration=20 * u.yr, dt="30 d", samples=5, approaches=True, progress=False
+        )
     assert "p26" not in run.retired.names
     approaches = run.closest_approaches()
     assert np.isfinite([one.distance.value for one in approaches["p26"]]).all()

@@ -12,7 +12,7 @@ SYSTEM = orbits.System(
     [[0, 0, 0], [0, 0.9, 0.3], [-0.1, -0.6, 0.3], [-0.8, 0, 0.1]],
     units=orbits.DIMENSIONLESS,
 )
-QUIET = {"check_step": False, "progress": False}
+QUIET = {"check_step": False, "progress": False, "approaches": True}
 METHODS = [
     (orbits.Gauss(stages=8), 1 / 8),
     (orbits.Gauss(stages=8), None),

@@ -35,7 +35,7 @@ def test_a_run_goes_on_from_there_through_an_archive(long_run, tmp_path):
         warnings.simplefilter("error")  # astropy's of dubious years
         again = orbits.propagate(
             long_run[-1], "wisdom-holman", dt="100 d", duration="1000 yr", samples=3, archive=tmp_path / "on.h5",
-            progress=False,
+            progress=False, approaches=True,
         )  # fmt: skip
         opened = orbits.Trajectory.open(again.path)
         assert opened.system.epoch == long_run[-1].epoch

@@ -47,7 +47,7 @@ def system(fallers=FALLERS, orbiting=18):
 
 
 def run_of(start, method=GAUSS, **options):
-    known = {"dt": DT, "duration": END, "samples": 25, "check_step": False, **options}
+    known = {"dt": DT, "duration": END, "samples": 25, "check_step": False, "approaches": True, **options}
     return orbits.propagate(start, method, **known)
 
 

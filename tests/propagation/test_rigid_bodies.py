@@ -299,6 +299,14 @@ def test_a_step_of_half_a_rotation_is_warned_of(moons):
         run_of(moons, dt="6 h", duration="1 d", samples=2)
 
 
+def test_closest_approaches_are_looked_for_by_default_as_the_warning_of_bodies_that_touch_needs_them():
+    """By kicks and drifts too, which do not look for those of points."""
+    options = {"dt": 1 / 16, "duration": 1.0, "samples": 2, **STEPS}
+    assert len(orbits.propagate(pair(), orbits.StormerVerlet(), **options).closest_approaches().names) == 2
+    with pytest.raises(orbits.InputError, match="approaches=True"):
+        orbits.propagate(pair(), orbits.StormerVerlet(), approaches=False, **options).closest_approaches()
+
+
 def test_closest_approaches_are_refined_with_the_attitudes_of_their_step():
     """Begun with the attitudes of the start, the least distance is 5e-6 off."""
     found = orbits.propagate(pair(), dt=1 / 16, duration=5.0, samples=2, **STEPS).closest_approaches()

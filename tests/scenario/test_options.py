@@ -309,6 +309,21 @@ def test_options_that_one_of_two_runs_has_not_are_told(tmp_path, monkeypatch) ->
         perform(pair(options=more), out=tmp_path)
 
 
+def test_an_unfinished_run_goes_on_if_it_has_the_closest_approaches_that_are_asked_for(tmp_path, monkeypatch) -> None:
+    verlet = pair(integrators=["stormer-verlet"])
+    for asked in (None, True):
+        stop_after_the_first_samples(monkeypatch)
+        with pytest.raises(Interrupted):
+            perform(verlet.with_changes(approaches=asked), out=tmp_path / str(asked))
+        monkeypatch.undo()
+    with pytest.raises(InputError, match=r"it looks for no closest approaches, and this one does\. To complete it"):
+        perform(verlet.with_changes(approaches=True), out=tmp_path / "None")
+    said: list[str] = []
+    run = perform(verlet, out=tmp_path / "True", say=said.append).run
+    assert any("going on with the unfinished run" in line for line in said)
+    assert run.closest_approaches().names == ("star", "planet")
+
+
 @pytest.mark.parametrize("why", ["ConvergenceError: a step", "shown: by a user", "ValueError: a mistake", ""])
 def test_only_a_failed_step_is_a_reason_to_replace_a_run(why) -> None:
     assert unfinished._failed(Ended(False, 1.0, "failed", why)) is why.startswith("ConvergenceError")

@@ -76,7 +76,8 @@ def test_the_case_of_a_name_does_not_matter_where_one_is_asked_for() -> None:
     assert system.to_table(bodies=["ceres"])["body"] == ["Ceres"]
     with pytest.raises(InputError, match="both called 'Ceres'"):
         system.to_table(bodies=["ceres", "Ceres"])
-    run = orbits.propagate(system, "STORMER-VERLET", dt=1, duration=4, stop=orbits.FartherThan(9.0, "SUN"))
+    stop = orbits.FartherThan(9.0, "SUN")
+    run = orbits.propagate(system, "STORMER-VERLET", dt=1, duration=4, stop=stop, approaches=True)
     assert run["ceres"].name == "Ceres"
     assert run.closest_approaches()["CERES"] == run.closest_approaches()["Ceres"]
 

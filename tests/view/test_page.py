@@ -368,7 +368,9 @@ def test_a_run_whose_particles_are_retired_near_a_planet_can_be_looked_at() -> N
     system = system.add(names, primary="Sun", M=angle, **elements)
     method = orbits.WisdomHolman(encounters="retire")
     with pytest.warns(orbits.OrbitsWarning):
-        run = orbits.propagate(system, method, dt="40 d", duration="60 yr", samples=61, progress=False)
+        run = orbits.propagate(
+            system, method, dt="40 d", duration="60 yr", samples=61, approaches=True, progress=False
+        )
     assert len(run.retired) > 20
     passages = list(run.closest_approaches())
     assert passages

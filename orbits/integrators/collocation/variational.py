@@ -34,6 +34,11 @@ class VariationalRungeKutta(Integrator):
         raise NotImplementedError
 
     @property
+    def looks_for_approaches(self) -> bool:
+        """Yes: beside stages that are iterated it costs little."""
+        return True
+
+    @property
     def second_order(self) -> Form:
         """All stages at once, to the round-off floor."""
         return Collocation(self.tableau)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
-from orbits.kernels.maps.nearest import HILL_RADII
+from orbits.kernels.maps.nearest import HILL_RADII as HILL_RADII
 from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
 from orbits.kernels.steps import NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import Lost

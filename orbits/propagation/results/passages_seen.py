@@ -35,12 +35,13 @@ SAME = 1.5
 
 
 class Record(NamedTuple):
-    """The record of a marcher: `closest` (4, 2, rows) and `listed` (n, columns), see `orbits.kernels.search.record`;
-    the number of passages left out; the row, in the kernels' order, of the body that dominates the system, or -1; the
-    distance from each massive body within which flybys are listed; and the reading of the clock.
+    """The record of a marcher: `closest` (4, 2, rows), or None if closest approaches were not looked for, and `listed`
+    (n, columns), see `orbits.kernels.search.record`; the number of passages left out; the row, in the kernels' order,
+    of the body that dominates the system, or -1; the distance from each massive body within which flybys are listed;
+    and the reading of the clock.
     """
 
-    closest: Array
+    closest: Array | None
     listed: Array
     left_out: int
     dominant: int
@@ -62,8 +63,8 @@ class Record(NamedTuple):
             if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
                 with suppress(IntegrationError):  # where the run itself failed
                     marcher.end_at(end)
-            return cls(marcher.approaches(), *marcher.passages(), dominant, reaches, marcher.reading)
-        closest, (listed, left_out) = marcher.approaches(), marcher.passages()
+            return cls(_closest(marcher), *marcher.passages(), dominant, reaches, marcher.reading)
+        closest, (listed, left_out) = _closest(marcher), marcher.passages()
         h = marcher.clock.h
         rest = end - marcher.clock.time(step)
         if not 0.0 < rest / h < 1.0:
@@ -73,14 +74,18 @@ class Record(NamedTuple):
         except IntegrationError:  # where the run itself failed
             return cls(closest, listed, left_out, dominant, reaches, step)
         share = rest / h
-        later, (more, _) = part.approaches(), part.passages()
-        later[TIME] = step + share * later[TIME]
-        nearer = later[DISTANCE2] < closest[DISTANCE2]
-        closest = np.where(nearer, later, closest)
-        more = more.copy()
+        if closest is not None:
+            later = part.approaches()
+            later[TIME] = step + share * later[TIME]
+            closest = np.where(later[DISTANCE2] < closest[DISTANCE2], later, closest)
+        more = part.passages()[0].copy()
         more[:, record.STEP] = step
         more[:, record.WHEN] = step + share * more[:, record.WHEN]
         return cls(closest, np.concatenate([listed, more]), left_out, dominant, reaches, step)
+
+
+def _closest(marcher: Marcher) -> Array | None:
+    return marcher.approaches() if marcher.looks_for_approaches else None
 
 
 def observed_until(run: Trajectory) -> float:
@@ -142,6 +147,7 @@ class Seen:
     dominant : number of the body that dominates the system, or -1
     reach : (bodies,), distance within which flybys are listed; end : reading of the clock at the end of the run
     closest : (bodies, 2) numbers of passages, -1 for none: the closest to the dominant body, and to any other body
+    looked : whether the run looked for these; if not, the passages are the listed ones alone
     flybys : numbers of the listed passages, and of the closest approaches to bodies other than the dominant one, or to
         that one on a hyperbola
     """
@@ -161,18 +167,20 @@ class Seen:
         given = np.isin(system.names, given_bodies(system))
         listed = [self._listed(row) for row in record.listed]
         self.passages = [one for one in listed if not (given[one.body] and given[one.other])]
-        self.closest = np.full((len(system), 2), -1)
-        for row, body in enumerate(self._order):
-            for column in (0, 1):
-                if math.isfinite(record.closest[DISTANCE2, column, row]) and not given[body]:
-                    self.closest[body, column] = self._number_of(record.closest[:, column, row], int(body))
+        self.closest, self.looked = np.full((len(system), 2), -1), record.closest is not None
+        entries = np.zeros((4, 2, 0)) if record.closest is None else record.closest[..., : len(system)]
+        for row, column in np.argwhere(np.isfinite(entries[DISTANCE2].T)).tolist():
+            body = int(self._order[row])
+            if not given[body]:
+                self.closest[body, column] = self._number_of(entries[:, column, row], body)
 
     @classmethod
     def by(cls, trajectory: Trajectory, record: Record | None) -> Seen:
         """Return the passages of a run; without `record`, those in the last checkpoint of its archive."""
         if record is None:
             assert trajectory.archive is not None
-            marcher = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1)
+            how = trajectory.system, trajectory.integrator, trajectory.clock
+            marcher = bound(*how, threads=1, approaches=trajectory.archive.approaches)
             restore(marcher, unchanged(trajectory.archive.checkpoint()), trajectory.archive.path)
             if not trajectory.clock.changes and marcher.step > trajectory.archive.grid.whole_steps:
                 raise ArchiveError(

@@ -40,7 +40,7 @@ def taken_up(
     """
     system, path, (integrator, _) = archive.system, archive.path, made_by(archive)
     seeking = sought_again(archive, events, path, exactly)
-    marcher = march_of_run(system, integrator, grid.clock, threads, seeking)
+    marcher = march_of_run(system, integrator, grid.clock, threads, seeking, approaches=archive.approaches)
     accounts = accounts_in(archive, len(grid), len(system.forces), most_inner(system))
     if place is not None:
         checkpoint, committed = place

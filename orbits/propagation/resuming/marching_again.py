@@ -58,11 +58,18 @@ class Replay:
     def closest_approaches(self, run: Trajectory) -> Approaches:
         """Return the closest approaches of bodies in a run.
 
-        Raises InputError for a trajectory with samples only.
+        Raises InputError for a trajectory with samples only, and for a run that did not look for them.
         """
         from orbits.propagation.results.approaches import Approaches
 
-        return Approaches(run, seen_by(run))
+        seen = seen_by(run)
+        if not seen.looked:
+            raise InputError(
+                f"this run of {run.integrator.label} did not look for closest approaches; expected one made with "
+                "orbits.propagate(..., approaches=True). Passages that its step did not resolve are in "
+                "run.unresolved()."
+            )
+        return Approaches(run, seen)
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
