@@ -104,7 +104,8 @@ class BoundLoops:
         changed = ("q", "q_lo", "v", "v_lo", "memory")
         self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
-        self._pool = Pool(threads) if threads > 1 and (many or len(self.tasks) > 1) else None
+        self._others = threads - 1 if many else min(threads, len(self.tasks)) - 1
+        self._pool = Pool(self._others) if self._others > 0 else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
         recorded = own or followed is not None or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
@@ -325,16 +326,23 @@ class BoundLoops:
         return self._in_tasks(share)
 
     def _in_tasks(self, share: Callable[[int], int]) -> int:
-        """Call a function with the number of each task, in threads; return the sum of its results."""
-        if self._pool is None:
-            return sum(map(share, range(len(self.tasks))))
+        """Call a function with the number of each task, in the caller's thread and in others, which take the next task
+        when they are free; return the sum of its results.
+        """
+        tasks = iter(range(len(self.tasks)))
+
+        def work() -> int:
+            return sum(map(share, tasks))
+
         running: list[Future[int]] = []
         try:
-            for task in range(len(self.tasks)):
-                running.append(self._pool.submit(share, task))
+            if self._pool is not None:
+                for _ in range(self._others):
+                    running.append(self._pool.submit(work))
+            done = work()
         finally:
             wait(running)  # also after an interrupt: the arrays may be used only afterwards
-        return sum(future.result() for future in running)
+        return done + sum(future.result() for future in running)
 
     def close(self) -> None:
         """Release the threads; what is still asked for is computed by the caller's."""
