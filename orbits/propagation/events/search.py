@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.kernels.search.zeros import brackets_of_pairs
+from orbits.marching.roots import root
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.events.base import NOBODY, Array, Bound, Whole
 
@@ -26,15 +27,9 @@ APART = 1e-5
 CLOSE = 1e-15
 """How close a zero is found, as a fraction of a step."""
 
-ROUGHLY = 1e-9
-"""The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
-
 NEAR_ZERO = 0.5
 """An extremum of the rough motion below this share of the function at the checks around it is sought again in the exact
 one, which may come to zero where the rough one does not."""
-
-ROUNDS, TINY = 200, np.finfo(np.float64).tiny
-"""The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
 
 ROUGH_ROUNDS = 10
 """The steps to the zero of a cubic, from which the search begins."""
@@ -270,9 +265,7 @@ def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, s
         which = places[:count].copy()
         low, high, g_low, g_high, slope_low, slope_high = numbers[:count].T.copy()
         turns = which[:, 2] > 0
-        found.append(
-            Brackets(which[:, 0], which[:, 1], low, high, g_low, g_high, slope_low, slope_high, turns)
-        )
+        found.append(Brackets(which[:, 0], which[:, 1], low, high, g_low, g_high, slope_low, slope_high, turns))
     return found
 
 
@@ -365,9 +358,7 @@ def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:
     if len(turns):
         own = some.of(turns)
         k, c = own.steps, own.columns
-        at[turns] = x = root(
-            lambda x, which: rough(k[which], x, c[which]), own.low, own.high, own.g_low, own.g_high
-        )
+        at[turns] = x = root(lambda x, which: rough(k[which], x, c[which]), own.low, own.high, own.g_low, own.g_high)
         ahead = np.where(x < 0.5, APART, -APART)
         slope[turns] = (rough(k, x + ahead, c) - rough(k, x, c)) / ahead
     return at, slope
@@ -492,44 +483,3 @@ def _extrema(
 
     root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
     return best, sign * g_best
-
-
-def root(
-    function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array
-) -> Array:
-    """Return a zero of each function in its bracket, roughly, all at once.
-
-    function : of places and of the numbers of the functions; f_low, f_high : at the ends, of different signs
-    Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
-    bisection.
-    """
-    # Zeros count as positive numbers, also at the ends: there may be another one between them.
-    a, b, fa, fb = high.copy(), low.copy(), *(np.where(f == 0.0, TINY, f) for f in (f_high, f_low))
-    c, fc = a.copy(), fa.copy()
-    fraction = np.full(len(a), 0.5)
-    found = np.where(np.abs(fa) < np.abs(fb), a, b)
-    going = np.arange(len(a))
-    for _ in range(ROUNDS):
-        if not len(going):
-            break
-        i = going
-        x = a[i] + fraction[i] * (b[i] - a[i])
-        fx = function(x, i)
-        same = (fx >= 0.0) == (fa[i] >= 0.0)
-        c[i], fc[i] = np.where(same, a[i], b[i]), np.where(same, fa[i], fb[i])
-        b[i], fb[i] = np.where(same, b[i], a[i]), np.where(same, fb[i], fa[i])
-        a[i], fa[i] = x, fx
-        width = np.abs(b[i] - a[i])
-        least = np.where(np.abs(fa[i]) <= np.abs(fb[i]), a[i], b[i])
-        found[i] = least
-        going = i[(fa[i] != 0.0) & (width > ROUGHLY)]
-        j = going
-        with np.errstate(all="ignore"):
-            xi, phi = (a[j] - b[j]) / (c[j] - b[j]), (fa[j] - fb[j]) / (fc[j] - fb[j])
-            alpha = (c[j] - a[j]) / (b[j] - a[j])
-            step = fa[j] / (fb[j] - fa[j]) * fc[j] / (fb[j] - fc[j])
-            step += alpha * fa[j] / (fc[j] - fa[j]) * fb[j] / (fc[j] - fb[j])
-            safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(step)
-            least_step = 0.5 * ROUGHLY / np.abs(b[j] - a[j])
-        fraction[j] = np.clip(np.where(safe, step, 0.5), least_step, 1.0 - least_step)
-    return found
