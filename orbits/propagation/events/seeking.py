@@ -18,12 +18,13 @@ from orbits.marching.stepping.motion import Collected, Motion
 from orbits.marching.watching.watcher import SUSPECT
 from orbits.propagation.collisions.merge_and_bounce import OfTwo
 from orbits.propagation.events.base import NOBODY, STOP, Action, Bound, Happening, Sample, Sought, Touching
+from orbits.propagation.events.brackets import NotFiniteError, Stretch
 from orbits.propagation.events.functions import Raised, description
 from orbits.propagation.events.kinds.of_pairs import Distance
 from orbits.propagation.events.left import Left, bounds_left, sides_of
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession
-from orbits.propagation.events.search import NotFiniteError, Stretch, Zeros, zeros_of
+from orbits.propagation.events.search import Zeros, zeros_of
 from orbits.propagation.events.stops import Stops, pairs_that_stop
 from orbits.propagation.events.subjects import by_particles
 from orbits.trajectory.events import (
