@@ -7,14 +7,16 @@ is left, see `orbits.marching.first_passage`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from orbits.kernels.search.stopping import ANY, CLOSER, KIND
+from orbits.body_names import index_of
+from orbits.errors import InputError
+from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER, KIND
 from orbits.marching.first_passage import first_passage, may_pass, rounding_of
-from orbits.propagation.events.base import Array, Sample, Whole
+from orbits.propagation.events.base import STOP, Array, Bound, Sample, Sought, Whole
 from orbits.propagation.events.kinds.of_pairs import Distance
 
 if TYPE_CHECKING:
@@ -108,7 +110,39 @@ class _Within:
         return self._states[fraction]
 
 
-def pairs_that_stop(system: System, one: int, two: int) -> Whole:
+def stops_of(
+    system: System, events: Sequence[Sought], bounds: Sequence[Bound], direction: float, alone: bool
+) -> Stops | None:
+    """Return the distances at which a run ends, as far as one of the bodies has mass; None without any. Their functions
+    get all pairs of bodies, and the words of what is met in the direction of the run.
+
+    bounds : the functions, and `events` those to which they belong
+    alone : whether the run has neither collisions nor events that act, beside which these are sought like all others
+
+    Raises InputError for distances that would end a run backwards in time where they are met forwards.
+    """
+    known: dict[int, Distance] = {}
+    sought: dict[int, tuple[int, int, int]] = {}
+    for k, (bound, event) in enumerate(zip(bounds, events, strict=True)):
+        if not isinstance(bound, Distance) or event.then != STOP:
+            continue
+        given = event.given()
+        one, two = (ANY if given[x] is None else index_of(given[x], system.names) for x in ("body", "other"))
+        pairs = _pairs_that_stop(system, one, two) if alone else np.empty((0, 2), dtype=np.int64)
+        if len(pairs):
+            sought[k] = CLOSER if bound.words[0] else FARTHER, one, two
+            known[k], bound.pairs = bound, pairs
+            if direction < 0.0:
+                bound.words = bound.words[::-1]
+        elif direction < 0.0:
+            raise InputError(
+                f"{type(event).__name__}(then='stop') in a run backwards in time: expected a body with mass among "
+                "the two, and no collisions or events that act beside it. Use then='record', or run forwards."
+            )
+    return Stops(known, sought) if known else None
+
+
+def _pairs_that_stop(system: System, one: int, two: int) -> Whole:
     """Return the pairs of bodies, one of them with mass, that two numbers mean, (pairs, 2); `ANY` for any body."""
     massive, everyone = np.flatnonzero(system.massive), np.arange(len(system))
     if ANY not in (one, two):
