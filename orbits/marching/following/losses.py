@@ -9,7 +9,6 @@ Ejections, and pericentres below a limit, are looked for after every 64th step o
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -19,12 +18,10 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array
 from orbits.kernels.search.apsides import apsides_of
 from orbits.kernels.search.record import LEAST2, MATE, ROW
+from orbits.marching.first_passage import first_passage
 from orbits.marching.following.retirement import EJECTED, TOO_CLOSE
 from orbits.marching.stepping.failures import last_good
 from orbits.marching.watching.passage_list import BlockList
-
-TOUCHING, TRIES = 1e-11, 100
-"""The distance from a surface, as a fraction of the radius, at which a contact is found; and the most attempts."""
 
 BEYOND = 1.01
 """The part of a step up to which a contact is sought: a partial step of a map ends not quite where the step does."""
@@ -105,31 +102,19 @@ def touching(
 
     state_after : returns q and v, (n, 3), after a time, NaN for what is lost; own, body : numbers in these
     """
-    def look(part: float) -> tuple[float, float, Array, Array]:
-        q, v = state_after(part * h)
-        apart, speed = q[own] - q[body], v[own] - v[body]
-        distance = float(np.linalg.norm(apart))
-        return distance - radius, float(apart @ speed) / distance * h if distance else math.nan, q[own], v[own]
 
-    gap, fall, q, v = look(0.0)
-    if not gap > 0.0:
-        return 0.0, q, v
-    outside, inside, part = 0.0, BEYOND, 1.0
-    for _ in range(TRIES):
-        gap, fall, q, v = look(part)
-        if abs(gap) <= TOUCHING * radius and fall < 0.0:
-            return part, q, v
-        if gap > 0.0 and fall < 0.0:
-            outside = part
-        else:
-            inside = part
-        following = part - gap / fall if fall < 0.0 else math.nan
-        if not outside < following < inside:
-            following = 0.5 * (outside + inside)
-        if following in (outside, inside):
-            break
-        part = following
-    return (part, q, v) if gap <= TOUCHING * radius else None
+    def apart(part: float) -> tuple[Array, Array]:
+        q, v = state_after(part * h)
+        return q[own] - q[body], v[own] - v[body]
+
+    part: float | None = 0.0
+    if float(np.linalg.norm(apart(0.0)[0])) > radius:
+        part = first_passage(apart, h, radius)
+        part = first_passage(apart, h, radius, part=(1.0, BEYOND)) if part is None else part
+    if part is None:
+        return None
+    q, v = state_after(part * h)
+    return part, q[own], v[own]
 
 
 def departures(

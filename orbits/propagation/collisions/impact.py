@@ -13,14 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.kernels.search.collisions import fraction_of_contact, margin_of_cubic, roughness, touching
+from orbits.kernels.search.collisions import roughness, touching
+from orbits.marching.first_passage import first_passage, rounding_of
 
 Array = NDArray[np.float64]
 State = tuple[Array, Array]
-
-ITERATIONS, PARTS = 80, 4096
-"""The most states within a step for a root, and the most parts in which a pair is followed: one that moves along the
-surface of another for long needs many."""
 
 SPACING = 2.0**-14
 """The fraction of a step between positions of which differences are taken."""
@@ -49,9 +46,9 @@ class Step(NamedTuple):
     massive: NDArray[np.intp]
     strength: Array
 
-    def field(self, before: State, after: State) -> tuple[Array, Array, int, int]:
-        """Return the field of the massive bodies between two states, for `margin_of_cubic`."""
-        path = np.array([x[self.massive].T for x in (*before, *after)]).ravel()
+    def field(self) -> tuple[Array, Array, int, int]:
+        """Return the field of the massive bodies between the ends, as kernels take it."""
+        path = np.array([x[self.massive].T for x in (*self.before, *self.after)]).ravel()
         return self.strength, path, 0, 3 * len(self.massive)
 
     def numbers(self) -> NDArray[np.int64]:
@@ -81,7 +78,7 @@ def candidates(step: Step, radii: Array, slack: float) -> Iterable[tuple[int, in
     """Yield the pairs, the lower number first, that may touch within a step, by the verdict that found the step."""
     states, found = np.array([*step.before, *step.after]), np.zeros(len(radii), dtype=bool)
     pairs: set[tuple[int, int]] = set()
-    field, numbers = step.field(step.before, step.after), step.numbers()
+    field, numbers = step.field(), step.numbers()
     for i in step.massive.tolist():
         touching(i, states, numbers, field, step.end - step.begin, radii, slack, found)
         pairs |= {(min(i, j), max(i, j)) for j in np.flatnonzero(found).tolist()}
@@ -118,82 +115,19 @@ def _motion(step: Step, order: int) -> Callable[[float], State]:
 
 
 def _time_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach: float) -> float | None:
-    """Return the time at which a pair first touches within a step, or None if it does not.
+    """Return the time at which a pair first touches within a step, or None if it does not."""
+    h = step.end - step.begin
 
-    From state to state of the orbit: each is where the cubic from the last one may first come within reach.
-    """
-    begin, end = step.begin, step.end
-    h = end - begin
-    (row, j), (body, i) = sorted(((int(step.numbers()[k]), k) for k in (i, j)), reverse=True)
-
-    def relative(s: float) -> tuple[float, ...]:
-        """Return position and velocity at a fraction of the step, relative to a massive body of the pair."""
+    def apart(s: float) -> tuple[Array, Array]:
         q, v = motion(s)
-        return tuple(np.concatenate([q[j] - q[i], v[j] - v[i]]).tolist())
+        return q[j] - q[i], v[j] - v[i]
 
-    def gap(state: tuple[float, ...]) -> tuple[float, float]:
-        """Return the distance between the surfaces, and how fast it grows."""
-        x, w = np.array(state[:3]), np.array(state[3:])
-        d = math.sqrt(float(x @ x))
-        return d - reach, float(x @ w) / d * h if d > 0.0 else -math.inf
-
-    q1 = step.after[0]
-    resolution = 4.0 * float(np.spacing(max(abs(begin), abs(end)))) / abs(h)
-    rounding = 4.0 * float(np.spacing(max(np.abs(q1[i]).max(), np.abs(q1[j]).max(), reach)))
-    s, here, last = 0.0, relative(0.0), relative(1.0)
-    (distance, slope), (left, leaving) = gap(here), gap(last)
-    if distance < 0.0 and slope < 0.0:
-        return None  # it overlapped before
-    if 0.0 <= left <= rounding and leaving < 0.0:
-        left, rounding = math.inf, 0.0  # it touches in the next step
-    for _ in range(PARTS):
-        field, rest = step.field(motion(s), motion(1.0)), (1.0 - s) * h
-        margin = margin_of_cubic(field, row, body, here, last, rest)
-        part = float(fraction_of_contact(here, last, rest, reach, margin, 0.0))
-        following = s + (1.0 - s) * part
-        if following >= 1.0 - resolution:
-            break
-        if following - s <= resolution:
-            return begin + s * h
-        here = relative(following)
-        distance, slope = gap(here)
-        if not math.isfinite(distance):  # no partial step of the method leads there
-            return None if left >= 0.0 else end
-        if distance < 0.0:  # by rounding, or where the motion differs from the cubic by more than was allowed for
-            return begin + _root(lambda x: gap(relative(x)), s, following, following, resolution, rounding) * h
-        if distance <= rounding and slope < 0.0:
-            return begin + following * h
-        s = following
-    if left >= 0.0:
-        return None
-    return begin + _root(lambda x: gap(relative(x)), s, 1.0, 0.5 * (s + 1.0), resolution, rounding) * h
-
-
-def _root(
-    gap: Callable[[float], tuple[float, float]],
-    outside: float,
-    inside: float,
-    guess: float,
-    resolution: float,
-    rounding: float,
-) -> float:
-    """Return where the gap vanishes between a fraction outside and one inside, by Newton's method within bounds."""
-    s = guess if outside < guess < inside else 0.5 * (outside + inside)
-    for _ in range(ITERATIONS):
-        distance, slope = gap(s)
-        if distance >= 0.0:
-            outside = s
-        else:
-            inside = s
-        following = s - distance / slope if slope < 0.0 else math.nan
-        if abs(distance) <= rounding or inside - outside <= resolution:
-            return s
-        if not outside < following < inside:
-            following = 0.5 * (outside + inside)
-        if abs(following - s) <= resolution:
-            return following
-        s = following
-    return s
+    part = first_passage(apart, h, reach, noise=rounding_of(reach, step.after[0][[i, j]]))
+    if part is None:
+        before, after = (float(np.linalg.norm(apart(s)[0])) for s in (0.0, 1.0))
+        if after < reach <= before:  # by rounding, or where no partial step of the method leads to
+            return step.end
+    return None if part is None else step.begin + part * h
 
 
 def overlapping(

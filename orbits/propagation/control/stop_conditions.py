@@ -13,10 +13,11 @@ from astropy import units as u
 
 from orbits.checks import positive_number
 from orbits.errors import InputError, shown, with_unit
+from orbits.marching.first_passage import rounding_of
 from orbits.propagation.control.wall_clock import seconds_of
 from orbits.propagation.events.base import RECORD, STOP, Sought
 from orbits.propagation.events.functions import calling, named
-from orbits.propagation.events.kinds.of_pairs import Distance, check_names, pairs_of, rounding_of
+from orbits.propagation.events.kinds.of_pairs import Distance, check_names, pairs_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:

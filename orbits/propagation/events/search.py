@@ -1,40 +1,28 @@
-"""Zeros of functions along the motion within steps.
+"""Zeros of functions along the motion within steps, from the brackets of the recorded motion to the exact one.
 
-A function is checked at both ends of each step and at eight nodes between them, with its slope. A change of sign
-between two checks brackets a zero. Without one, slopes towards zero at both checks bracket an extremum, which is found;
-if the function has the other sign there, it brackets two zeros. A function with at most one extremum between two checks
-therefore has all its zeros found.
+A change of sign between two checks brackets a zero. Without one, slopes towards zero at both checks bracket an
+extremum, which is found; if the function has the other sign there, it brackets two zeros. A function with at most one
+extremum between two checks therefore has all its zeros found.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.kernels.search.zeros import brackets_of_pairs
-from orbits.marching.stepping.motion import Motion
-from orbits.propagation.events.base import NOBODY, Array, Bound, Whole
-
-NODES = 0.5 + 0.5 * np.polynomial.legendre.leggauss(8)[0]
-
-APART = 1e-5
-"""The distance of two checks that give a slope, as a fraction of a step."""
+from orbits.marching.roots import root
+from orbits.propagation.events.base import Array, Bound, Whole
+from orbits.propagation.events.brackets import APART, Brackets, NotFiniteError, Stretch, brackets_of, check_finite
 
 CLOSE = 1e-15
 """How close a zero is found, as a fraction of a step."""
 
-ROUGHLY = 1e-9
-"""The width of the bracket of a zero of the rough motion, and of an extremum, of whose square the value is off."""
-
 NEAR_ZERO = 0.5
 """An extremum of the rough motion below this share of the function at the checks around it is sought again in the exact
 one, which may come to zero where the rough one does not."""
-
-ROUNDS, TINY = 200, np.finfo(np.float64).tiny
-"""The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
 
 ROUGH_ROUNDS = 10
 """The steps to the zero of a cubic, from which the search begins."""
@@ -61,28 +49,6 @@ there, and no zero: it passes through infinity."""
 BESIDE = 0.5
 """How far from its bracket, in units of its width, a zero of the exact motion may lie."""
 
-CHECKS = np.concatenate([[0.0], NODES])
-
-PLACES = np.concatenate([NODES, NODES + APART, [APART, 1.0 - APART, 1.0], np.ones(5)])
-"""The same for functions that compiled code computes: see `orbits.kernels.search.zeros.PLACES`."""
-
-FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
-"""Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
-
-BRACKETS_AT_ONCE = 1024
-"""The brackets for which there is room in a call of compiled code."""
-
-STEPS_AT_ONCE, POINTS = 256, 2_000_000
-"""The most steps that are searched at a time, and the most numbers that a function has in them."""
-
-
-class NotFiniteError(ArithmeticError):
-    """A function is not finite: its value, and the time of the state."""
-
-    def __init__(self, time: float, value: float) -> None:
-        super().__init__(time, value)
-        self.time, self.value = time, value
-
 
 class Zeros(NamedTuple):
     """Zeros: the number and the fraction of the step of each, its column, whether the function rises in time, and how
@@ -100,217 +66,19 @@ Along = Callable[[Whole, Array, Whole], Array]
 """Returns functions at fractions of steps: numbers of the steps, fractions, and columns, (m,) each."""
 
 
-class Stretch:
-    """The motion of all bodies in consecutive steps.
-
-    motion : of the massive bodies; massive : (n,), which of the bodies these are
-    needed : (n,), those that matter
-    """
-
-    def __init__(self, motion: Motion, massive: NDArray[np.bool_], needed: NDArray[np.bool_]) -> None:
-        self._motion, self._massive = motion, massive
-        self._rows = np.flatnonzero(needed & massive)
-        self._needed = (np.cumsum(massive) - 1)[self._rows]
-        self.times = motion.times
-
-    def __len__(self) -> int:
-        return len(self._motion)
-
-    def at(self, steps: Whole, fractions: Array, rough: bool = False) -> tuple[Array, Array, Array]:
-        """Return t (m,), q and v (m, n, 3) at fractions of steps; see `Motion.roughly_at`."""
-        lengths = self._motion.lengths[steps]
-        states = self._motion.roughly_at(steps, fractions) if rough else self._motion.at(steps, fractions)
-        return self.times[steps] + fractions * lengths, *self._of_all(*states)
-
-    @property
-    def backwards(self) -> bool:
-        """Whether the steps go back in time."""
-        return bool(self.times[-1] < self.times[0])
-
-    def at_checks(self, steps: slice, fractions: Array) -> tuple[Array, Array, Array]:
-        """Return t (m,), q and v (m, n, 3) of the bodies that matter at the same fractions of these steps, roughly; NaN
-        for those that do not move here.
-        """
-        begin, length = self.times[:-1][steps], self._motion.lengths[steps]
-        t = (begin[:, None] + fractions * length[:, None]).ravel()
-        q, v = self._motion.at_checks(steps, fractions, self._needed, self._rows, len(self._massive))
-        q[:, ~self._massive] = v[:, ~self._massive] = np.nan
-        return t, q, v
-
-    def polynomials(self, steps: slice, fractions: Array) -> tuple[Array, tuple[Array, Array, Array, Array], int]:
-        """Return the lengths of these steps, what `Motion.polynomials` returns, and the number of bodies there."""
-        return self._motion.lengths[steps], self._motion.polynomials(steps, fractions), int(self._massive.sum())
-
-    def numbers(self, pairs: Whole) -> Whole:
-        """Return the numbers of bodies among those that move here, from those in the system."""
-        return np.where(pairs == NOBODY, NOBODY, (np.cumsum(self._massive) - 1)[pairs])
-
-    def ends(self) -> tuple[Array, Array, Array]:
-        """Return t (steps + 1,), q and v at the ends of the steps, as they were marched."""
-        n = int(self._massive.sum())
-        path = self._motion.path[:, :, : 3 * n].reshape(-1, 2, 3, n).transpose(0, 1, 3, 2)
-        return self.times, *self._of_all(path[:, 0], path[:, 1])
-
-    def _of_all(self, q: Array, v: Array) -> tuple[Array, Array]:
-        if self._massive.all():
-            return q, v
-        every = np.full((2, len(q), len(self._massive), 3), np.nan)
-        every[0][:, self._massive], every[1][:, self._massive] = q, v
-        return every[0], every[1]
-
-
 def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[tuple[Zeros, NotFiniteError | None]]:
     """Return the zeros of each function in a stretch, in the order of steps; each counts once, also one at a check. And
     where a function is not finite: its zeros are then those in the steps before.
 
     first : whether the stretch is at the start of a run, where a zero does not count
     """
-    compiled = {number: how for number, bound in enumerate(bounds) if (how := bound.of_pairs()) is not None}
-    found = [
-        _brackets_of_pairs(bound, compiled[number], stretch, first) if number in compiled else []
-        for number, bound in enumerate(bounds)
-    ]
-    others = {k: bound for k, bound in enumerate(bounds) if bound.sought and k not in compiled}
-    failed = _add_brackets(others, stretch, first, found) if others else {}
     answers: list[tuple[Zeros, NotFiniteError | None]] = []
-    for number, bound in enumerate(bounds):
+    for bound, (found, failure) in zip(bounds, brackets_of(bounds, stretch, first), strict=True):
         try:
-            answers.append((_zeros(bound, stretch, found[number]), failed.get(number)))
+            answers.append((_zeros(bound, stretch, found), failure))
         except NotFiniteError as error:
-            answers.append((_zeros(bound, stretch, []), failed.get(number, error)))
+            answers.append((_zeros(bound, stretch, []), failure or error))
     return answers
-
-
-def _add_brackets(
-    bounds: Mapping[int, Bound], stretch: Stretch, first: bool, found: list[list[Brackets]]
-) -> dict[int, NotFiniteError]:
-    """Add the brackets of functions of any kind, and return where any is not finite, by their numbers."""
-    t, q, v = stretch.ends()
-    failed: dict[int, NotFiniteError] = {}
-    most = max(len(bound.pairs) for bound in bounds.values())
-    at_once = max(1, min(STEPS_AT_ONCE, POINTS // (len(FRACTIONS) * most)))
-    for begin in range(0, len(stretch), at_once):
-        steps = slice(begin, min(begin + at_once, len(stretch)))
-        states = stretch.at_checks(steps, FRACTIONS)
-        start, last = ((t[k : k + 1], q[k : k + 1], v[k : k + 1]) for k in (steps.start, steps.stop))
-        for number, bound in bounds.items():
-            if number in failed:
-                continue
-            columns = np.arange(len(bound.pairs))
-            g, g_start, g_last = (bound.values(*some, columns) for some in (states, start, last))
-            g[:1] = g_start  # as it was marched, and as what is before ends
-            finite, failure = _finite_steps(g, g_last, states[0], last[0])
-            if failure is not None:
-                failed[number] = failure
-                g_last, g = g[finite * len(FRACTIONS) :][:1], g[: finite * len(FRACTIONS)]
-            if finite:
-                where = columns, slice(begin, begin + finite), stretch.backwards, first and begin == 0
-                found[number].append(_brackets(bound.words, g, g_last, *where))
-    return failed
-
-
-def _finite_steps(g: Array, g_last: Array, t: Array, t_last: Array) -> tuple[int, NotFiniteError | None]:
-    """Return in how many steps from the first on a function is finite, also at their ends, and where it is not.
-
-    g : (steps * fractions, columns) at times t; g_last : (1, columns) at the end of the last step
-    """
-    try:
-        _check_finite(g, t)
-        _check_finite(g_last, t_last)
-    except NotFiniteError as error:
-        rows = np.isfinite(g).all(axis=1).reshape(-1, len(FRACTIONS))
-        whole, begins = rows.all(axis=1), rows[:, 0]
-        ends = np.append(begins[1:], np.isfinite(g_last).all())
-        return int(np.argmin(np.append(whole & ends, False))), error
-    return len(g) // len(FRACTIONS), None
-
-
-class Brackets(NamedTuple):
-    """Where zeros, or extrema with two zeros about them, are between two checks: steps and columns, (m,); the fractions
-    of both checks, the function there, and what it gains there in `APART`; and whether it is an extremum.
-    """
-
-    steps: Whole
-    columns: Whole
-    low: Array
-    high: Array
-    g_low: Array
-    g_high: Array
-    slope_low: Array
-    slope_high: Array
-    turns: NDArray[np.bool_]
-
-    def of(self, which: NDArray[Any]) -> Brackets:
-        """Return some of them, by their numbers or a mask."""
-        return Brackets(*(np.asarray(x)[which] for x in self))
-
-    @classmethod
-    def joined(cls, parts: Sequence[Brackets]) -> Brackets:
-        """Return those of several parts."""
-        return cls(*(np.concatenate(some) for some in zip(*parts, strict=True)))
-
-
-def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, start: bool) -> list[Brackets]:
-    """Return the brackets in all steps of a function that compiled code computes, in parts.
-
-    how : as `Bound.of_pairs` returns it; start : whether the first step is that of a run
-    """
-    words = bound.words[::-1] if stretch.backwards else bound.words
-    wanted, pairs = np.array([word is not None for word in words]), stretch.numbers(bound.pairs)
-    lengths, (path, kicks, once, twice), size = stretch.polynomials(slice(0, len(stretch)), PLACES)
-    # No more than is needed: a large array is not made at once.
-    most = max(BRACKETS_AT_ONCE, (len(NODES) + 1) * len(pairs))
-    numbers, places = np.empty((most, 6)), np.empty((most, 3), dtype=np.int64)
-    room, apart = np.zeros((3, len(PLACES))), np.zeros((3, len(once)))
-    found: list[Brackets] = []
-    step = 0
-    while step < len(stretch):
-        motion = lengths, path, kicks, size, pairs, start, room, apart
-        count, step = brackets_of_pairs(*how, wanted, once, twice, PLACES, *motion, step, numbers, places)
-        which = places[:count].copy()
-        low, high, g_low, g_high, slope_low, slope_high = numbers[:count].T.copy()
-        turns = which[:, 2] > 0
-        found.append(
-            Brackets(which[:, 0], which[:, 1], low, high, g_low, g_high, slope_low, slope_high, turns)
-        )
-    return found
-
-
-def _brackets(
-    words: tuple[str | None, str | None],
-    g: Array,
-    g_last: Array,
-    columns: Whole,
-    steps: slice,
-    backwards: bool,
-    start: bool,
-) -> Brackets:
-    """Return the brackets in consecutive steps.
-
-    g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as marched
-    start : whether the first step is that of a run
-    """
-    size, count = len(CHECKS), steps.stop - steps.start
-    g = np.ascontiguousarray(g.T).reshape(len(columns), count, -1)
-    before = g[:, :, :size]
-    # The end of a step is the begin of the next one, as it was marched: no zero falls in between, or counts twice.
-    end = np.concatenate([before[:, 1:, 0], g_last.T], axis=1)
-    after = np.concatenate([before[:, :, 1:], end[:, :, None]], axis=2)
-    slope = g[:, :, size : 2 * size] - before
-    slope_after = np.concatenate([slope[:, :, 1:], (g[:, :, -1] - g[:, :, -2])[:, :, None]], axis=2)
-    positive = before >= 0.0
-    if start:
-        at_zero = before[:, 0, 0] == 0.0
-        positive[at_zero, 0, 0] = g[at_zero, 0, size] >= 0.0
-    changes = positive != (after >= 0.0)
-    turns = ~changes & np.where(positive, (slope < 0.0) & (slope_after > 0.0), (slope > 0.0) & (slope_after < 0.0))
-    for word, falling in zip(words, (True, False), strict=True):
-        if word is None:
-            changes &= positive != (falling != backwards)
-    c, k, i = np.nonzero(changes | turns)
-    edges = np.append(CHECKS, 1.0)
-    ends = edges[i], edges[i + 1], before[c, k, i], after[c, k, i], slope[c, k, i], slope_after[c, k, i]
-    return Brackets(steps.start + k, columns[c], *ends, turns[c, k, i])
 
 
 def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
@@ -365,9 +133,7 @@ def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:
     if len(turns):
         own = some.of(turns)
         k, c = own.steps, own.columns
-        at[turns] = x = root(
-            lambda x, which: rough(k[which], x, c[which]), own.low, own.high, own.g_low, own.g_high
-        )
+        at[turns] = x = root(lambda x, which: rough(k[which], x, c[which]), own.low, own.high, own.g_low, own.g_high)
         ahead = np.where(x < 0.5, APART, -APART)
         slope[turns] = (rough(k, x + ahead, c) - rough(k, x, c)) / ahead
     return at, slope
@@ -450,18 +216,10 @@ def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:
     def along(steps: Whole, fractions: Array, columns: Whole) -> Array:
         t, q, v = stretch.at(steps, fractions, rough)
         g = bound.at(t, q, v, columns)
-        _check_finite(np.where(np.isinf(g), 1.0, g), t)  # a search may meet a pole
+        check_finite(np.where(np.isinf(g), 1.0, g), t)  # a search may meet a pole
         return g
 
     return along
-
-
-def _check_finite(g: Array, t: Array) -> None:
-    if not np.isfinite(g).all():
-        rows = ~np.isfinite(g.reshape(len(t), -1)).all(axis=1)
-        row = int(np.argmax(rows))
-        value = g.reshape(len(t), -1)[row]
-        raise NotFiniteError(float(t[row]), float(value[~np.isfinite(value)][0]))
 
 
 def _extrema(
@@ -492,44 +250,3 @@ def _extrema(
 
     root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
     return best, sign * g_best
-
-
-def root(
-    function: Callable[[Array, Whole], Array], low: Array, high: Array, f_low: Array, f_high: Array
-) -> Array:
-    """Return a zero of each function in its bracket, roughly, all at once.
-
-    function : of places and of the numbers of the functions; f_low, f_high : at the ends, of different signs
-    Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
-    bisection.
-    """
-    # Zeros count as positive numbers, also at the ends: there may be another one between them.
-    a, b, fa, fb = high.copy(), low.copy(), *(np.where(f == 0.0, TINY, f) for f in (f_high, f_low))
-    c, fc = a.copy(), fa.copy()
-    fraction = np.full(len(a), 0.5)
-    found = np.where(np.abs(fa) < np.abs(fb), a, b)
-    going = np.arange(len(a))
-    for _ in range(ROUNDS):
-        if not len(going):
-            break
-        i = going
-        x = a[i] + fraction[i] * (b[i] - a[i])
-        fx = function(x, i)
-        same = (fx >= 0.0) == (fa[i] >= 0.0)
-        c[i], fc[i] = np.where(same, a[i], b[i]), np.where(same, fa[i], fb[i])
-        b[i], fb[i] = np.where(same, b[i], a[i]), np.where(same, fb[i], fa[i])
-        a[i], fa[i] = x, fx
-        width = np.abs(b[i] - a[i])
-        least = np.where(np.abs(fa[i]) <= np.abs(fb[i]), a[i], b[i])
-        found[i] = least
-        going = i[(fa[i] != 0.0) & (width > ROUGHLY)]
-        j = going
-        with np.errstate(all="ignore"):
-            xi, phi = (a[j] - b[j]) / (c[j] - b[j]), (fa[j] - fb[j]) / (fc[j] - fb[j])
-            alpha = (c[j] - a[j]) / (b[j] - a[j])
-            step = fa[j] / (fb[j] - fa[j]) * fc[j] / (fb[j] - fc[j])
-            step += alpha * fa[j] / (fc[j] - fa[j]) * fb[j] / (fc[j] - fb[j])
-            safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(step)
-            least_step = 0.5 * ROUGHLY / np.abs(b[j] - a[j])
-        fraction[j] = np.clip(np.where(safe, step, 0.5), least_step, 1.0 - least_step)
-    return found

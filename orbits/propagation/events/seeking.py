@@ -11,21 +11,19 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import index_of
 from orbits.errors import EventError, InputError, IntegrationError, shown, with_unit
-from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER
 from orbits.marching.stepping.motion import Collected, Motion
 from orbits.marching.watching.watcher import SUSPECT
-from orbits.propagation.collisions.merge_and_bounce import OfTwo
-from orbits.propagation.events.base import NOBODY, STOP, Action, Bound, Happening, Sample, Sought, Touching
-from orbits.propagation.events.functions import Raised, description
-from orbits.propagation.events.kinds.of_pairs import Distance
+from orbits.propagation.events.base import NOBODY, STOP, Bound, Happening, Sample, Sought, Touching, Whole
+from orbits.propagation.events.brackets import NotFiniteError, Stretch
+from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.left import Left, bounds_left, sides_of
 from orbits.propagation.events.log import PARTICLES, Log, padded_rows, rows_of_particles
 from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession
-from orbits.propagation.events.search import NotFiniteError, Stretch, Zeros, zeros_of
-from orbits.propagation.events.stops import Stops, pairs_that_stop
+from orbits.propagation.events.search import Zeros, zeros_of
+from orbits.propagation.events.stops import stops_of
 from orbits.propagation.events.subjects import by_particles
+from orbits.propagation.events.to_archive import description_of
 from orbits.trajectory.events import (
     BODY,
     COLUMNS,
@@ -35,7 +33,6 @@ from orbits.trajectory.events import (
     RISING,
     TIME,
     Events,
-    described,
     in_order,
 )
 from orbits.trajectory.retired import absent, moved
@@ -119,8 +116,7 @@ class Seeking:
                     "run.stopped.system, and go on from there; or seek it in a run without collisions."
                 )
         self.act = any(not isinstance(event.then, str) for event in self.events)
-        self.stops = None if self.act or self.touching else self._stops()
-        self._check_direction()
+        self.stops = stops_of(system, self._of, self._bounds, direction, not (self.act or self.touching))
         numbers = [k for k in range(len(self._bounds)) if self.stops is None or k not in self.stops.bounds]
         groups = by_particles(numbers, self._bounds, self._of, system, self.act or bool(self.touching))
         self.particles: list[Seeking] = []
@@ -131,34 +127,6 @@ class Seeking:
                 search._narrow(numbers, particles)
                 self.particles.append(search)
         self._narrow(groups.get((), []), ())
-
-    def _check_direction(self) -> None:
-        """Raise InputError for distances that would end a run backwards in time where they are met forwards."""
-        known = {} if self.stops is None else self.stops.bounds
-        for k, (bound, event) in enumerate(zip(self._bounds, self._of, strict=True)):
-            if self._direction < 0.0 and isinstance(bound, Distance) and event.then == STOP and k not in known:
-                raise InputError(
-                    f"{type(event).__name__}(then='stop') in a run backwards in time: expected a body with mass among "
-                    "the two, and no collisions or events that act beside it. Use then='record', or run forwards."
-                )
-
-    def _stops(self) -> Stops | None:
-        """Return the distances at which the run ends, as far as one of the bodies has mass; None without any."""
-        bounds: dict[int, Distance] = {}
-        sought: dict[int, tuple[int, int, int]] = {}
-        for k, (bound, event) in enumerate(zip(self._bounds, self._of, strict=True)):
-            if not isinstance(bound, Distance) or event.then != STOP:
-                continue
-            given = event.given()
-            one, two = (ANY if given[x] is None else index_of(given[x], self._system.names) for x in ("body", "other"))
-            pairs = pairs_that_stop(self._system, one, two)
-            if not len(pairs):
-                continue
-            sought[k] = CLOSER if bound.words[0] else FARTHER, one, two
-            bounds[k], bound.pairs = bound, pairs
-            if self._direction < 0.0:  # what is met in the direction of the run
-                bound.words = bound.words[::-1]
-        return Stops(bounds, sought) if bounds else None
 
     def _narrow(self, numbers: list[int], particles: tuple[int, ...]) -> None:
         """Seek the zeros of some of the functions, on the motion of the bodies with mass and of these particles."""
@@ -241,8 +209,7 @@ class Seeking:
         clear = are_clear(bound, zeros, np.array([longest]), longest, t, q, v)
         if (kept & ~clear).any():
             self._remark(number, ROUND_OFF)
-        numbers, figures = np.full(len(which), number), bound.figures(t, q, v, columns)
-        rows = np.column_stack([t, numbers, rising, bound.pairs[columns], figures])
+        rows = self._rows(number, rising, t, q, v, columns)
         for k in np.flatnonzero(kept & clear):
             if not self.log.has(rows[k], ROUNDED * abs(time)):
                 self._add(rows[k], True)
@@ -283,14 +250,7 @@ class Seeking:
 
     def described(self) -> str:
         """Return the events as an archive holds them."""
-        return described(
-            {
-                "kind": type(event).__name__,
-                **_given(event),
-                "words": [bound.words for of, bound in zip(self._of, self._bounds, strict=True) if of is event],
-            }
-            for event in self.events
-        )
+        return description_of(self.events, self._of, self._bounds)
 
     def checkpoint(self) -> dict[str, NDArray[Any]]:
         """Return what is found up to the state that the march has reached, as arrays of fixed shapes."""
@@ -363,7 +323,7 @@ class Seeking:
         bound, columns = self._bounds[number], np.array([column])
         t, (q, v) = np.array([time]), (x[None] for x in marcher.state_after(time - marcher.time))
         rising = bound.words[0] is None
-        self._add(np.concatenate([[time, number, rising], bound.pairs[column], *bound.figures(t, q, v, columns)]), True)
+        self._add(self._rows(number, np.array([rising]), t, q, v, columns)[0], True)
         self.log.pass_by(time)
         return Found(number, column, rising, 0, time)
 
@@ -445,9 +405,8 @@ class Seeking:
             states = (np.repeat(x[1:], len(columns), axis=0) for x in (q, v))
             there = at, *states, columns
             kept = bound.keeps(*there)
-            found = [at, np.full(len(at), number), rising[columns], bound.pairs[columns], bound.figures(*there)]
-            rows.append(np.column_stack(found)[kept])
-            places.append(np.column_stack([found[1], columns, np.zeros(len(at), dtype=np.int64)])[kept])
+            rows.append(self._rows(number, rising[columns], *there)[kept])
+            places.append(np.array([(number, column, 0) for column in columns])[kept])
         return self._take(np.concatenate(rows), np.concatenate(places), None, t, False, True, None)
 
     def event_of(self, number: int) -> Sought:
@@ -533,15 +492,18 @@ class Seeking:
             elif in_every_step(found.steps[kept], found.columns[kept], len(stretch)):
                 self._remark(number, EVERY_STEP)
             kept &= clear
-            pairs, figures = bound.pairs[found.columns], bound.figures(t, q, v, found.columns)
-            numbers = np.full(len(t), number)
-            rows.append(np.column_stack([t, numbers, found.rising, pairs, figures])[kept])
-            places.append(np.column_stack([numbers, found.columns, found.steps])[kept])
+            rows.append(self._rows(number, found.rising, t, q, v, found.columns)[kept])
+            places.append(np.column_stack([np.full(len(t), number), found.columns, found.steps])[kept])
         every, where = np.concatenate(rows), np.concatenate(places)
         if failure is not None:
             before = (every[:, TIME] - failure.time) * self._direction < 0.0
             every, where = every[before], where[before]
         return every, where, failure
+
+    def _rows(self, number: int, rising: NDArray[np.bool_], t: Array, q: Array, v: Array, columns: Whole) -> Array:
+        """Return the rows of zeros of a function, whether it rises at each, and the states there."""
+        bound, numbers = self._bounds[number], np.full(len(t), number)
+        return np.column_stack([t, numbers, rising, bound.pairs[columns], bound.figures(t, q, v, columns)])
 
     def _remark(self, number: int, what: str) -> None:
         event, bound = self._of[number], self._bounds[number]
@@ -605,30 +567,3 @@ class Seeking:
 
 def _said(bound: Bound) -> str:
     return " / ".join(repr(word) for word in dict.fromkeys(bound.words) if word)
-
-
-def _given(event: Sought) -> dict[str, Any]:
-    """Return what an event was given, as an archive holds it: `given` is None if functions are only described."""
-    known: dict[str, Any] = {"given": None, "then": event.then}
-    if event.stored:
-        known["given"] = {name: _plain(value) for name, value in event.given().items()}
-    else:
-        known["of"] = {name: _told(value) for name, value in event.given().items()}
-    if isinstance(event.then, OfTwo):
-        known["then"] = repr(event.then)
-    elif isinstance(event.then, Action):
-        known |= {"then": "a function", "does": description(getattr(event.then, "function", event.then))}
-    return known
-
-
-def _told(value: Any) -> Any:
-    return description(value) if callable(value) or hasattr(value, "free_symbols") else _plain(value)
-
-
-def _plain(value: Any) -> Any:
-    """Return a field as JSON can hold it: quantities as texts, with all their digits."""
-    if isinstance(value, u.Quantity):
-        return f"{float(value.value)!r} {value.unit}" if value.isscalar else [_plain(x) for x in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value

@@ -1,39 +1,27 @@
 """Distances at which a run ends, found where the march stops as a pair of bodies may come to one within a step.
 
-Compiled code looks at all pairs after each block, and only excludes (`orbits.kernels.search.stopping`). A step that is
-left is halved again and again, on the motion of the run itself, until no pair can come to its bound within a part, or
-the part is so short that the distance has at most one extremum in it; then a zero is found.
+Compiled code looks at all pairs after each block, and only excludes (`orbits.kernels.search.stopping`); in a step that
+is left, see `orbits.marching.first_passage`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from orbits.kernels.search.stopping import ANY, CLOSER, KIND
-from orbits.propagation.events.base import Array, Sample, Whole
-from orbits.propagation.events.kinds.of_pairs import Distance, rounding_of
-from orbits.propagation.events.search import root
+from orbits.body_names import index_of
+from orbits.errors import InputError
+from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER, KIND
+from orbits.marching.first_passage import first_passage, may_pass, rounding_of
+from orbits.propagation.events.base import STOP, Array, Bound, Sample, Sought, Whole
+from orbits.propagation.events.kinds.of_pairs import Distance
 
 if TYPE_CHECKING:
     from orbits.marching.marcher import Marcher
     from orbits.system import System
-
-DETOUR = 2.0
-"""How much longer the way of a pair in a part of a step may be than by its speed at the faster end; a parabolic fall
-onto a mass needs 1.5."""
-
-STRAIGHT = 0.5
-"""The way of a pair in a part of a step, as a share of its distance, in which this has at most one extremum."""
-
-SHORTEST = 2.0**-50
-"""The shortest part of a step that is halved, as a fraction of the step."""
-
-POLISHED = 2
-"""The steps of Newton's method from a zero that is known to 1e-9 of its bracket, to one that is known to round-off."""
 
 
 class Passed(NamedTuple):
@@ -97,57 +85,24 @@ class _Within:
         """Return which pairs may come to their bound, by their ways at most."""
         if self._from == 1.0:
             return np.zeros(len(bound.pairs), dtype=bool)
-        distances, speeds = [], []
-        for fraction in (self._from, 1.0):
-            q, v = self._at(fraction)
-            first, second = bound.pairs.T
-            distances.append(np.linalg.norm(q[first] - q[second], axis=1))
-            speeds.append(np.linalg.norm(v[first] - v[second], axis=1))
-        way = DETOUR * abs(self._length) * (1.0 - self._from) * np.maximum(*speeds)
-        return np.asarray(np.abs(0.5 * (distances[0] + distances[1]) - bound.distance) <= way)
+        first, second = bound.pairs.T
+        states = np.array([self._at(fraction) for fraction in (self._from, 1.0)])
+        distances, speeds = np.linalg.norm(states[:, :, first] - states[:, :, second], axis=3).swapaxes(0, 1)
+        return may_pass(distances, speeds, self._length * (1.0 - self._from), bound.distance)
 
     def first(self, pair: Whole, bound: float, sign: float) -> float | None:
         """Return where the distance of a pair less its bound, times a sign, first falls through zero, and beyond what
         rounding does. A pair that begins a run at its bound must have left it before.
         """
-        parts = [(self._from, 1.0)]
-        noise = rounding_of(bound, self._at(0.0)[0][pair])
-        waits = self._is_start and self._from == 0.0 and abs(self._of(pair, 0.0)[0] - bound) <= noise
-        while parts:
-            low, high = parts.pop()
-            (d, rate, speed), (d_end, rate_end, speed_end) = (self._of(pair, x) for x in (low, high))
-            way = (high - low) * abs(self._length) * max(speed, speed_end)
-            if not abs(0.5 * (d + d_end) - bound) <= DETOUR * way:
-                continue
-            if way > STRAIGHT * min(d, d_end) and high - low > SHORTEST:
-                middle = 0.5 * (low + high)
-                parts += [(middle, high), (low, middle)]
-                continue
-            above, above_end = sign * (d - bound), sign * (d_end - bound)
-            if sign * rate < 0.0 < sign * rate_end and (above >= 0.0) and above_end >= 0.0:
-                high = _zero(lambda x: self._of(pair, x)[1], low, high)
-            elif sign * rate > 0.0 > sign * rate_end and above < 0.0 and above_end < 0.0:
-                low = _zero(lambda x: self._of(pair, x)[1], low, high)
-            above, above_end = (sign * (self._of(pair, x)[0] - bound) for x in (low, high))
-            if waits:
-                waits = abs(above_end) <= noise
-            elif above >= -noise and above_end < -noise:
-                return self._passage(pair, bound, low, high) if above > 0.0 else low
-        return None
 
-    def _passage(self, pair: Whole, bound: float, low: float, high: float) -> float:
-        """Return where the distance is a bound, between two places on both sides of it."""
-        x = _zero(lambda x: self._of(pair, x)[0] - bound, low, high)
-        for _ in range(POLISHED):
-            d, rate, _ = self._of(pair, x)
-            step = (d * d - bound * bound) / (2.0 * rate) if rate else 0.0
-            x = min(max(x - step, low), high)
-        return x
+        def apart(fraction: float) -> tuple[Array, Array]:
+            q, v = self._at(fraction)
+            return q[pair[0]] - q[pair[1]], v[pair[0]] - v[pair[1]]
 
-    def _of(self, pair: Whole, fraction: float) -> tuple[float, float, float]:
-        """Return the distance of a pair, half the slope of its square along the step, and its speed."""
-        q, v = (x[pair[0]] - x[pair[1]] for x in self._at(fraction))
-        return float(np.linalg.norm(q)), float(q @ v) * self._length, float(np.linalg.norm(v))
+        noise, part = rounding_of(bound, self._at(0.0)[0][pair]), (self._from, 1.0)
+        begins = self._is_start and self._from == 0.0
+        waits = begins and abs(float(np.linalg.norm(apart(0.0)[0])) - bound) <= noise
+        return first_passage(apart, self._length, bound, sign=sign, part=part, noise=noise, waits=waits)
 
     def _at(self, fraction: float) -> tuple[Array, Array]:
         if fraction not in self._states:
@@ -155,7 +110,39 @@ class _Within:
         return self._states[fraction]
 
 
-def pairs_that_stop(system: System, one: int, two: int) -> Whole:
+def stops_of(
+    system: System, events: Sequence[Sought], bounds: Sequence[Bound], direction: float, alone: bool
+) -> Stops | None:
+    """Return the distances at which a run ends, as far as one of the bodies has mass; None without any. Their functions
+    get all pairs of bodies, and the words of what is met in the direction of the run.
+
+    bounds : the functions, and `events` those to which they belong
+    alone : whether the run has neither collisions nor events that act, beside which these are sought like all others
+
+    Raises InputError for distances that would end a run backwards in time where they are met forwards.
+    """
+    known: dict[int, Distance] = {}
+    sought: dict[int, tuple[int, int, int]] = {}
+    for k, (bound, event) in enumerate(zip(bounds, events, strict=True)):
+        if not isinstance(bound, Distance) or event.then != STOP:
+            continue
+        given = event.given()
+        one, two = (ANY if given[x] is None else index_of(given[x], system.names) for x in ("body", "other"))
+        pairs = _pairs_that_stop(system, one, two) if alone else np.empty((0, 2), dtype=np.int64)
+        if len(pairs):
+            sought[k] = CLOSER if bound.words[0] else FARTHER, one, two
+            known[k], bound.pairs = bound, pairs
+            if direction < 0.0:
+                bound.words = bound.words[::-1]
+        elif direction < 0.0:
+            raise InputError(
+                f"{type(event).__name__}(then='stop') in a run backwards in time: expected a body with mass among "
+                "the two, and no collisions or events that act beside it. Use then='record', or run forwards."
+            )
+    return Stops(known, sought) if known else None
+
+
+def _pairs_that_stop(system: System, one: int, two: int) -> Whole:
     """Return the pairs of bodies, one of them with mass, that two numbers mean, (pairs, 2); `ANY` for any body."""
     massive, everyone = np.flatnonzero(system.massive), np.arange(len(system))
     if ANY not in (one, two):
@@ -173,10 +160,3 @@ def pairs_that_stop(system: System, one: int, two: int) -> Whole:
     gm = system.values.gm
     lighter = gm[first] <= gm[second]
     return np.stack([np.where(lighter, first, second), np.where(lighter, second, first)], axis=1)
-
-
-def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return a zero between two places, where the signs differ."""
-    values = (np.array([function(x)]) for x in (low, high))
-    along = root(lambda s, _: np.array([function(low + float(s[0]) * (high - low))]), np.zeros(1), np.ones(1), *values)
-    return low + float(along[0]) * (high - low)

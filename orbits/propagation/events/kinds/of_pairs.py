@@ -21,9 +21,6 @@ if TYPE_CHECKING:
     from orbits.propagation.events.base import Bound
     from orbits.system import System
 
-ROUNDINGS = 16.0
-"""The units in the last place of the coordinate farthest from the origin to which a distance is exact."""
-
 
 @dataclass(frozen=True)
 class CloseApproach(Sought):
@@ -90,11 +87,6 @@ class Distance(PairBound):
     def of_pairs(self) -> tuple[int, Array]:
         """Return the kind of function, and its bound."""
         return DISTANCE, np.array([0.0, 0.0, 0.0, self._squared])
-
-
-def rounding_of(distance: float, q: Array) -> float:
-    """Return by how much the distance of bodies at q, (n, 3), must differ from another one to be told from it."""
-    return ROUNDINGS * float(np.finfo(np.float64).eps) * (distance + float(np.abs(q).max()))
 
 
 @dataclass(frozen=True)
