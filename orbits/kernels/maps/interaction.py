@@ -2,7 +2,8 @@
 
 `orbits.kernels.maps.jacobi` has its formula, and what the arrays `planets` and `room` hold. The pairs within a register
 are formed by turning it: by 1, 2 and 3 lanes for both planets of a pair, by 4 for one. Those of two registers are
-formed by broadcasting the planets of one.
+formed by broadcasting the planets of one. Up to sixteen planets stay in registers, in one or in two at once, `joined`:
+one source for both. More are taken by passes over memory.
 """
 
 from __future__ import annotations
@@ -290,6 +291,9 @@ def _pulls_of_one(x, y, z, masses):
 
 
 def _pulls_of_two(x, y, z, masses):
+    """Those of the first register by turning it; then each planet of the second one with all others at once, so that
+    the time grows with how many there are.
+    """
     (x0, X), (y0, Y), (z0, Z), (mass, source) = halves(x), halves(y), halves(z), halves(masses.mass)
     (ax, ay, az), pairs = pulls_within(x0, y0, z0, mass)
     bx, by, bz = full(0.0), full(0.0), full(0.0)
