@@ -67,6 +67,12 @@ class Form:
         """Return the form that marches massless particles too: by default this one."""
         return self
 
+    def for_bodies(self, count: int) -> Form:
+        """Return the form that marches so many massive bodies, if what is compiled depends on it: by default this
+        one.
+        """
+        return self
+
     @property
     def keeps_particles(self) -> bool:
         """Whether the carry of particles in lanes is kept in their rows of the archived carry."""

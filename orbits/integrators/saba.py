@@ -29,7 +29,7 @@ from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integr
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.dominant import registers_for
 from orbits.integrators.maps.on_kepler_orbits import (
-    OnKeplerOrbits,
+    InJacobiCoordinates,
     begin_particles,
     keep_particles,
     rows_of,
@@ -37,7 +37,7 @@ from orbits.integrators.maps.on_kepler_orbits import (
 )
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full
-from orbits.kernels.maps.interaction import ROWS
+from orbits.kernels.maps.interaction import ROWS, registers_of
 from orbits.kernels.maps.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
 from orbits.kernels.maps.jacobi_particles import seen_particles
 from orbits.kernels.maps.jacobi_particles_entering import enter_among, leave_among
@@ -115,7 +115,7 @@ def step(method, model, t, h, state, storage):
     """Take one step."""
     room, _ = _rooms(storage.carry, storage.scratch)
     stages = method.coefficients[STAGES:]
-    step_in_stages(storage.carry, room, model.parameters.shape[0] - 2, stages)
+    step_in_stages(registers_of(method), storage.carry, room, model.parameters.shape[0] - 2, stages)
     return OK, 0, stages.shape[0]
 
 
@@ -124,7 +124,7 @@ def step_among_particles(method, model, t, h, state, storage):
     """As `step`, with the tables: of the planets to the same bits."""
     room, copy = _rooms(storage.carry, storage.scratch)
     stages = method.coefficients[STAGES:]
-    step_in_stages_among_particles(model.parameters, storage.carry, room, stages, storage.stages)
+    step_in_stages_among_particles(registers_of(method), model.parameters, storage.carry, room, stages, storage.stages)
     tabulate_the_end(model.parameters, storage.carry, room, copy, -method.coefficients[ENTRY, 0], storage.stages)
     return OK, 0, stages.shape[0]
 
@@ -167,7 +167,7 @@ def stretch(method, unit, factor):
 
 
 @dataclass(frozen=True)
-class KeplerStages(OnKeplerOrbits):
+class KeplerStages(InJacobiCoordinates):
     """The steps of `SABA` in Jacobi coordinates, which are marched in the carry.
 
     orders : the generalized order of the scheme

@@ -124,7 +124,8 @@ class Marcher(Blocks):
         self._counts, self._apart = (0, 0), steps_apart(integrator, np.asarray(massive))
         n, m = len(self._massive), len(self._particles)
         self._bodies = n
-        self._form = form_of_bodies(integrator, lagrangian, self.clock, with_particles=m > 0, forces=forces)
+        form = form_of_bodies(integrator, lagrangian, self.clock, with_particles=m > 0, forces=forces)
+        self._form = form.for_bodies(n)
         if isinstance(self._form, GivenBodies) and self.clock.changes and m and self._form.held(parameters) < n:
             raise InputError(
                 "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass "

@@ -112,7 +112,7 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(count):
     other, its_room = planets.copy(), room.copy()
     stages = DEFAULT.second_order.coefficients(6.0, 6.0)[2:]
     for _ in range(10):
-        step_in_stages(planets, room, count, stages)
+        step_in_stages(None, planets, room, count, stages)
         for kick, drift in stages[:, :2]:
             interact(other, its_room, count, False)
             advance_planets(other, its_room, drift, kick)

@@ -132,6 +132,24 @@ def test_three_steps_equal_the_plain_path_in_forty_digits(method):
         assert np.abs(x - y).max() < (6e-16 if method == PLAIN else 2e-14)
 
 
+@pytest.mark.parametrize("count", [9, 12, 16])
+@pytest.mark.parametrize("method", [PLAIN, orbits.WisdomHolman(corrector=3)], ids=lambda method: method.label)
+def test_planets_in_two_registers_in_any_order_equal_the_plain_path_in_forty_digits(method, count):
+    rng = np.random.default_rng(count)
+    a, angle = 1.15 ** np.arange(count), rng.uniform(0, 2 * np.pi, count)
+    q, v = np.zeros((2, count + 1, 3))
+    q[1:] = (a * np.array([np.cos(angle), np.sin(angle), 0.03 * np.sin(2 * angle)])).T
+    v[1:] = (np.array([-np.sin(angle), np.cos(angle), 0.02 + 0.0 * angle]) / np.sqrt(a)).T
+    gm = np.array([1.0, *rng.uniform(1e-5, 1e-4, count)])
+    order = rng.permutation(count + 1)
+    got = march(method, gm[order], q[order], v[order], 0.125, 3)
+    with mpmath.workdps(40):
+        truth = Jacobi(method, gm, q, v, 0.125).march(3)
+    for x, y in zip(got, truth, strict=True):
+        # A unit in the last place of the outermost places is 9e-16.
+        assert np.abs(x - y[order]).max() < 1e-15
+
+
 @pytest.mark.parametrize("order", [order for order in PAIRS if order])
 def test_correctors_fulfil_their_conditions_exactly(order):
     """The series of sum 2 b sinh(a x) agrees with that of ((x/2) coth(x/2) - 1)/x as far as there are pairs."""

@@ -40,7 +40,7 @@ from orbits.integrators.maps.jacobi_form_steps import (
     step_with_terms,
     stretch,
 )
-from orbits.integrators.maps.on_kepler_orbits import OnKeplerOrbits, in_order, keep_particles, rows_of
+from orbits.integrators.maps.on_kepler_orbits import InJacobiCoordinates, in_order, keep_particles, rows_of
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.jacobi import number_planets
 from orbits.kernels.maps.jacobi_particles import table_rows
@@ -50,7 +50,7 @@ from orbits.tableaux.correctors import corrector_lengths
 
 
 @dataclass(frozen=True)
-class KeplerSplitting(OnKeplerOrbits):
+class KeplerSplitting(InJacobiCoordinates):
     """The steps of a Wisdom–Holman map in Jacobi coordinates, which are marched in the carry.
 
     kernel : the kick, corrector : its order, and corrector2 : whether there is a second one; see `WisdomHolman`
@@ -94,10 +94,10 @@ class KeplerSplitting(OnKeplerOrbits):
 
     def own_kernels(self) -> Mapping[str, Any]:
         """Return the kernels of this instance."""
-        own = {**self.kernels, **(self.kernels_with_terms if self.with_terms else {})}
+        own = {**super().own_kernels(), **(self.kernels_with_terms if self.with_terms else {})}
         if not self.among_particles:
             return own
-        return {**own, **self.more_kernels, **(self.more_kernels_with_terms if self.with_terms else self.of_pairs)}
+        return {**own, **(self.more_kernels_with_terms if self.with_terms else self.of_pairs)}
 
     def coefficients(self, h: float, before: float) -> Array:
         """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""

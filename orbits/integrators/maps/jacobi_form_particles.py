@@ -6,7 +6,7 @@ from orbits.integrators.maps.jacobi_form_steps import HALF, LAZY, SHIFT, WHOLE
 from orbits.integrators.maps.on_kepler_orbits import keep_particles, taken_particles
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import full, halves
-from orbits.kernels.maps.interaction import displace, interact, modify
+from orbits.kernels.maps.interaction import displace, interact_in, modify_in, registers_of
 from orbits.kernels.maps.jacobi import advance_planets, enter_planets, finish_velocities, kick_planets, prepare_room
 from orbits.kernels.maps.jacobi_particles import (
     DISPLACED,
@@ -29,21 +29,21 @@ from orbits.kernels.steps import OK, Particles
 
 
 @kernel
-def _kick_among_particles(model, coefficients, planets, room, stages, first):
+def _kick_among_particles(registers, model, coefficients, planets, room, stages, first):
     """As `_kick_of_a_step`, with a table for particles, from row `first` of the stages on."""
     strength, count = strength_of(model), strength_of(model).shape[0] - 2
     modified = coefficients[0, LAZY] == 0.0 and coefficients[0, SHIFT] != 0.0
-    interact(planets, room, count, False)
+    interact_in(registers, planets, room, count, False)
     if not modified:
         kick_more(model, planets, room)
     tabulate(strength, planets, room, stages, first, PLAIN)
     if modified:
-        modify(planets, room, count, coefficients[0, SHIFT])
+        modify_in(registers, planets, room, count, coefficients[0, SHIFT])
         kick_more(model, planets, room)
         tabulate(strength, planets, room, stages, first, MODIFIED)
     elif coefficients[0, LAZY] != 0.0:
         displace(planets, room, coefficients[0, SHIFT])
-        interact(planets, room, count, True)
+        interact_in(registers, planets, room, count, True)
         kick_more(model, planets, room)
         tabulate(strength, planets, room, stages, first, DISPLACED)
 
@@ -53,7 +53,7 @@ def begin_among_particles(method, model, t, h, state, storage):
     """As `begin`, with the table before the first step of a block."""
     planets, room = storage.carry, storage.scratch
     prepare_room(strength_of(model), planets, room)
-    _kick_among_particles(model, method.coefficients, planets, room, storage.stages, 0)
+    _kick_among_particles(registers_of(method), model, method.coefficients, planets, room, storage.stages, 0)
 
 
 @kernel
@@ -62,7 +62,7 @@ def step_among_particles(method, model, t, h, state, storage):
     coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
     strength, half, after = model.parameters, coefficients[0, HALF], table_rows(model.parameters.shape[0] - 2)
     advance_planets(planets, room, coefficients[0, WHOLE], half)
-    _kick_among_particles(model, coefficients, planets, room, storage.stages, after)
+    _kick_among_particles(registers_of(method), model, coefficients, planets, room, storage.stages, after)
     finish_velocities(planets, room, half)
     tabulate_centres(strength, planets, room, storage.stages, after)
     return OK, 0, 1
@@ -80,7 +80,7 @@ def step_with_terms_among_particles(method, model, t, h, state, storage):
     advance_planets(planets, room, coefficients[0, WHOLE], 0.0)
     finish_velocities(planets, room, 0.0)
     flow_among(model, planets, room, stages, flows + 3 * (count + 1), half)
-    _kick_among_particles(model, coefficients, planets, room, stages, after)
+    _kick_among_particles(registers_of(method), model, coefficients, planets, room, stages, after)
     kick_planets(planets, room, half)
     tabulate_centres(strength, planets, room, stages, after)
     return OK, 0, 1

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from orbits.integrators.maps.on_kepler_orbits import stretch_rows
 from orbits.kernels.compile import kernel
-from orbits.kernels.maps.interaction import ROWS, displace, interact, modify
+from orbits.kernels.maps.interaction import (
+    ROWS,
+    displace,
+    interact,
+    interact_in,
+    modify_in,
+    registers_of,
+    stay_in_registers,
+)
 from orbits.kernels.maps.jacobi import (
     advance_planets,
     enter_planets,
@@ -33,16 +41,16 @@ NO_TABLE = -1
 
 
 @kernel
-def _kick_of_a_step(model, coefficients, planets, room):
+def _kick_of_a_step(registers, model, coefficients, planets, room):
     """Write the interaction for the kick: plain, modified, or at displaced positions; with the kicks of terms."""
     count = strength_of(model).shape[0] - 2
-    interact(planets, room, count, False)
+    interact_in(registers, planets, room, count, False)
     if coefficients[0, LAZY] != 0.0:
         kick_more(model, planets, room)
         displace(planets, room, coefficients[0, SHIFT])
-        interact(planets, room, count, True)
+        interact_in(registers, planets, room, count, True)
     elif coefficients[0, SHIFT] != 0.0:
-        modify(planets, room, count, coefficients[0, SHIFT])
+        modify_in(registers, planets, room, count, coefficients[0, SHIFT])
     kick_more(model, planets, room)
 
 
@@ -98,24 +106,25 @@ def begin(method, model, t, h, state, storage):
     prepare_room(strength_of(model), storage.carry, storage.scratch)
     if storage.scratch.shape[0] < 2 * ROWS:
         begin_nearest(storage.carry, storage.scratch, h, method.coefficients[0, ANGLE])
-    _kick_of_a_step(model, method.coefficients, storage.carry, storage.scratch)
+    _kick_of_a_step(registers_of(method), model, method.coefficients, storage.carry, storage.scratch)
 
 
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step: half a kick, Kepler motions, half a kick."""
     coefficients, planets, room = method.coefficients, storage.carry, storage.scratch
-    if room.shape[0] < 2 * ROWS:
+    registers = registers_of(method)
+    if stay_in_registers(registers, room):
         if coefficients[0, LAZY] != 0.0:
-            step_lazy(planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
+            step_lazy(registers, planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
         elif coefficients[0, SHIFT] != 0.0:
-            step_modified(planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
+            step_modified(registers, planets, room, coefficients[0, WHOLE], coefficients[0, SHIFT])
         else:
-            step_plain(planets, room, coefficients[0, WHOLE])
+            step_plain(registers, planets, room, coefficients[0, WHOLE])
     else:
         half = coefficients[0, HALF]
         advance_planets(planets, room, coefficients[0, WHOLE], half)
-        _kick_of_a_step(model, coefficients, planets, room)
+        _kick_of_a_step(registers, model, coefficients, planets, room)
         finish_velocities(planets, room, half)
     return OK, 0, 1
 
@@ -134,7 +143,7 @@ def step_with_terms(method, model, t, h, state, storage):
     advance_planets(planets, room, whole, 0.0)
     finish_velocities(planets, room, 0.0)
     flow(model, planets, room, half)
-    _kick_of_a_step(model, coefficients, planets, room)
+    _kick_of_a_step(registers_of(method), model, coefficients, planets, room)
     kick_planets(planets, room, half)
     return OK, 0, 1
 

@@ -104,3 +104,22 @@ class OnKeplerOrbits(Form):
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError for softened gravity, and if no body dominates the others."""
         require_dominant(parameters)
+
+
+@dataclass(frozen=True)
+class InJacobiCoordinates(OnKeplerOrbits):
+    """Base of the forms in Jacobi coordinates.
+
+    in_two_registers : whether the planets, nine to sixteen, stay in two registers
+    """
+
+    in_two_registers: bool = field(default=False, kw_only=True)
+
+    def own_kernels(self) -> Mapping[str, Any]:
+        """Return the kernels of this instance, and the number of registers if it is compiled for it."""
+        own = super().own_kernels()
+        return {**own, "registers": 2} if self.in_two_registers else own
+
+    def for_bodies(self, count: int) -> Self:
+        """Return the form whose planets stay in two registers, if there are nine to sixteen."""
+        return replace(self, in_two_registers=registers_for(3 * count) == 2)

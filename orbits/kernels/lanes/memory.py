@@ -218,6 +218,26 @@ def halves(typingctx, value):
     return types.UniTuple(lanes, 2)(value), codegen
 
 
+@verb
+def load_like(like, array, row, apart):
+    """Return a row of an (n, 8) array, for `like` of sixteen lanes joined with the row that is `apart` further on."""
+    if like == pair:
+        return lambda like, array, row, apart: joined(load(array, row), load(array, row + apart))
+    return lambda like, array, row, apart: load(array, row)
+
+
+def _store_both(array, row, apart, value):
+    one, two = halves(value)
+    store(array, row, one)
+    store(array, row + apart, two)
+
+
+@verb
+def store_like(array, row, apart, value):
+    """Write `Lanes` to where `load_like` reads them."""
+    return _store_both if value == pair else lambda array, row, apart, value: store(array, row, value)
+
+
 @intrinsic
 def unit(typingctx, index):
     """Return 1 in lane `index` and 0 in the others."""

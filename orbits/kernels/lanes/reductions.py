@@ -17,6 +17,7 @@ from orbits.kernels.lanes.type import (
     is_contiguous,
     lanes,
     shuffle,
+    splat,
 )
 
 
@@ -99,17 +100,37 @@ row_maxima = _row_reduction(
 )
 
 
+def _registers_of(builder, value):
+    """Return the registers of eight lanes of a value."""
+    count = value.type.count
+    if count == WIDTH:
+        return [value]
+    return [shuffle(builder, value, value, range(k, k + WIDTH)) for k in range(0, count, WIDTH)]
+
+
+def _of_registers(builder, registers):
+    """Return the value of these registers."""
+    return registers[0] if len(registers) == 1 else shuffle(builder, *registers, range(2 * WIDTH))
+
+
+def _total(builder, x):
+    """Return the sum of eight lanes, in the first lane."""
+    for step in (4, 2, 1):
+        x = builder.fadd(x, shuffle(builder, x, x, [(i + step) % WIDTH for i in range(WIDTH)]))
+    return builder.extract_element(x, INT32(0))
+
+
 @intrinsic
 def total(typingctx, value):
-    """Return the sum of the lanes, added pairwise."""
+    """Return the sum of the lanes, added pairwise; of two registers, of their sums."""
     if not isinstance(value, LanesType):
         return None
 
     def codegen(context, builder, sig, args):
-        x = args[0]
-        for step in (4, 2, 1):
-            x = builder.fadd(x, shuffle(builder, x, x, [(i + step) % WIDTH for i in range(WIDTH)]))
-        return builder.extract_element(x, INT32(0))
+        first, *others = _registers_of(builder, args[0])
+        for other in others:
+            first = builder.fadd(first, other)
+        return _total(builder, first)
 
     return types.float64(value), codegen
 
@@ -164,14 +185,21 @@ def _running(typing_name, doc, up):
                     indices = [i + step if i + step < WIDTH else WIDTH + i for i in range(WIDTH)]
                 return shuffle(builder, x, zero, indices)
 
-            # Of the three next to it, and of the four beyond: two moves deep.
-            x = args[0]
-            one, two, three = moved(x, 1), moved(x, 2), moved(x, 3)
-            pair = builder.fadd(one, two)
-            four = builder.fadd(builder.fadd(x, three), pair)
-            return builder.fadd(builder.fadd(pair, three), moved(four, 4))
+            def within(x):
+                # Of the three next to it, and of the four beyond: two moves deep.
+                one, two, three = moved(x, 1), moved(x, 2), moved(x, 3)
+                pair = builder.fadd(one, two)
+                four = builder.fadd(builder.fadd(x, three), pair)
+                return builder.fadd(builder.fadd(pair, three), moved(four, 4))
 
-        return lanes(value), codegen
+            parts = _registers_of(builder, args[0])
+            found = [within(part) for part in parts]
+            if len(parts) == 2:
+                here, there = (1, 0) if up else (0, 1)
+                found[here] = builder.fadd(found[here], splat(builder, _total(builder, parts[there])))
+            return _of_registers(builder, found)
+
+        return value(value), codegen
 
     typing.__doc__ = doc
     typing.__name__ = typing_name
@@ -180,15 +208,19 @@ def _running(typing_name, doc, up):
 
 @intrinsic(prefer_literal=True)
 def turned(typingctx, value, places):
-    """Return the lanes turned: lane i is lane i + places of `value`, counted round; places : a literal integer."""
+    """Return the lanes turned: lane i is lane i + places of `value`, counted round; each register of two for itself.
+
+    places : a literal integer
+    """
     if not isinstance(value, LanesType) or not isinstance(places, types.IntegerLiteral):
         return None
     count = places.literal_value
 
     def codegen(context, builder, sig, args):
-        return shuffle(builder, args[0], args[0], [(i + count) % WIDTH for i in range(WIDTH)])
+        order = [i - i % WIDTH + (i + count) % WIDTH for i in range(value.count)]
+        return shuffle(builder, args[0], args[0], order)
 
-    return lanes(value, places), codegen
+    return value(value, places), codegen
 
 
 sums_before = _running("sums_before", "Return in each lane the sum of the lanes before it.", True)

@@ -2,28 +2,39 @@
 
 `orbits.kernels.maps.jacobi` has its formula, and what the arrays `planets` and `room` hold. The pairs within a register
 are formed by turning it: by 1, 2 and 3 lanes for both planets of a pair, by 4 for one. Those of two registers are
-formed by broadcasting the planets of one.
+formed by broadcasting the planets of one. Up to sixteen planets stay in registers, in one or in two at once, `joined`:
+one source for both. More are taken by passes over memory.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from orbits.kernels.binding import kernel_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import (
     WIDTH,
     exact_mul,
     exact_sub,
+    first_lane,
     fma,
     full,
+    halves,
     inverse_powers,
+    joined,
+    lane,
     load,
+    load_like,
+    pair,
     rsqrt_cubed,
     store,
+    store_like,
     sums_after,
     sums_before,
     total,
     turned,
+    unit,
 )
 
 STATE_ROWS, ROWS = 12, 40
@@ -54,7 +65,7 @@ def difference(a, b, c, d):
 
 
 class Masses(NamedTuple):
-    """The constants of the planets of a register; see the rows of `room`. central : m_0"""
+    """The constants of the planets of one or two registers; see the rows of `room`. central : m_0"""
 
     mass: Any
     share: Any
@@ -78,21 +89,91 @@ class Pairs(NamedTuple):
     squared: Any
 
 
+@verb
+def registers_of(method):
+    """Return a value of the kind in which a form computes its planets: two registers at once for nine to sixteen. None
+    for any other number: planets of a single register stay in it, those of more are taken by passes over memory.
+    """
+    if kernel_of(method.types[0], "registers") == 2:
+        return lambda method: joined(full(0.0), full(0.0))
+    return lambda method: None
+
+
+@verb
+def kind_of(registers):
+    """Return a value of the kind in which planets stay in registers: one of them for None."""
+    return (lambda registers: registers) if registers == pair else (lambda registers: full(0.0))
+
+
+@verb
+def stay_in_registers(registers, room):
+    """Return whether planets stay in registers."""
+    return (lambda registers, room: True) if registers == pair else (lambda registers, room: room.shape[0] < 2 * ROWS)
+
+
 @kernel(inline=True)
-def masses_of(room, register):
-    """Return the constants of a register."""
-    first = ROWS * register
+def masses_of(like, room):
+    """Return the constants of as many registers as `like` has."""
     # m_0 = (m_0 / M_(i-1)) / (1 / M_(i-1)); lanes without a planet have mass 0.
     return Masses(
-        load(room, first + MASS),
-        load(room, first + SHARE),
-        load(room, first + OUTER),
-        load(room, first + INNER),
-        load(room, first + CENTRAL),
-        load(room, first + ATTRACTING),
-        load(room, first + REST),
-        full(room[CENTRAL, 0] / room[INNER, 0]),
+        load_like(like, room, MASS, ROWS),
+        load_like(like, room, SHARE, ROWS),
+        load_like(like, room, OUTER, ROWS),
+        load_like(like, room, INNER, ROWS),
+        load_like(like, room, CENTRAL, ROWS),
+        load_like(like, room, ATTRACTING, ROWS),
+        load_like(like, room, REST, ROWS),
+        room[CENTRAL, 0] / room[INNER, 0],
     )
+
+
+@kernel(inline=True)
+def of_state(like, planets, row):
+    """Return three rows of `planets`."""
+    return (
+        load_like(like, planets, row, STATE_ROWS),
+        load_like(like, planets, row + 1, STATE_ROWS),
+        load_like(like, planets, row + 2, STATE_ROWS),
+    )
+
+
+@kernel(inline=True)
+def write_state(planets, row, values):
+    """Write three rows of `planets`."""
+    store_like(planets, row, STATE_ROWS, values[0])
+    store_like(planets, row + 1, STATE_ROWS, values[1])
+    store_like(planets, row + 2, STATE_ROWS, values[2])
+
+
+@kernel(inline=True)
+def of_room(like, room, row):
+    """Return three rows of `room`."""
+    return load_like(like, room, row, ROWS), load_like(like, room, row + 1, ROWS), load_like(like, room, row + 2, ROWS)
+
+
+@kernel(inline=True)
+def write_room(room, row, values):
+    """Write three rows of `room`."""
+    store_like(room, row, ROWS, values[0])
+    store_like(room, row + 1, ROWS, values[1])
+    store_like(room, row + 2, ROWS, values[2])
+
+
+@kernel
+def _interact(like, planets, room, shifted):
+    """`interact`, of planets that stay in registers."""
+    x, y, z = of_room(like, room, SHIFTED) if shifted else of_state(like, planets, 0)
+    force, place, _ = interaction(x, y, z, masses_of(like, room))
+    write_room(room, FORCE, force)
+    write_room(room, PLACE, place)
+
+
+@verb
+def interact_in(registers, planets, room, count, shifted):
+    """`interact` in the registers of a form; see `registers_of`."""
+    if registers == pair:
+        return lambda registers, planets, room, count, shifted: _interact(registers, planets, room, shifted)
+    return lambda registers, planets, room, count, shifted: interact(planets, room, count, shifted)
 
 
 @kernel
@@ -100,10 +181,7 @@ def interact(planets, room, count, shifted):
     """Write the interaction of `count` planets into the rows FORCE; shifted : whether at the displaced positions."""
     registers = room.shape[0] // ROWS
     if registers == 1:
-        x, y, z = _coordinates(planets, room, 0, shifted)
-        force, place, _ = interaction(x, y, z, masses_of(room, 0))
-        store_three(room, FORCE, force)
-        store_three(room, PLACE, place)
+        _interact(full(0.0), planets, room, shifted)
         return
     bx, by, bz = 0.0, 0.0, 0.0
     for register in range(registers):
@@ -114,7 +192,7 @@ def interact(planets, room, count, shifted):
     for k in range(registers):
         register = registers - 1 - k
         first = ROWS * register
-        masses, (ux, uy, uz) = masses_of(room, register), load_three(room, first + PLACE)
+        masses, (ux, uy, uz) = masses_of(full(0.0), room[first:]), load_three(room, first + PLACE)
         (fx, fy, fz), _ = pulls_within(ux, uy, uz, masses.mass)
         for source in range(registers):
             other = ROWS * source
@@ -136,13 +214,13 @@ def interact(planets, room, count, shifted):
 
 @kernel(inline=True)
 def interaction(x, y, z, masses):
-    """Return the interaction of the planets of a single register at r' = (x, y, z), u, and the pairs of `change_along`:
+    """Return the interaction of planets that stay in registers at r' = (x, y, z), u, and the pairs of `change_along`:
     those of planets, that with the dominant body, and that with the centre of mass of those inside.
     """
     ux = x + sums_before(masses.share * x)
     uy = y + sums_before(masses.share * y)
     uz = z + sums_before(masses.share * z)
-    own, pairs = pulls_within(ux, uy, uz, masses.mass)
+    own, pairs = _pulls(ux, uy, uz, masses)
     near, near2 = inverse_powers(fma(ux, ux, fma(uy, uy, uz * uz)))
     kepler, kepler2 = inverse_powers(fma(x, x, fma(y, y, z * z)))
     sx, sy, sz = pulls_on_inner(masses, own, (ux, uy, uz), near)
@@ -202,6 +280,46 @@ def pulls_within(x, y, z, mass):
 
 
 @kernel(inline=True)
+def _in_the_second(masses):
+    """Return how many planets are in the second register."""
+    _, attracting = halves(masses.attracting)
+    return first_lane(attracting <= 0.0)
+
+
+def _pulls_of_one(x, y, z, masses):
+    return pulls_within(x, y, z, masses.mass)
+
+
+def _pulls_of_two(x, y, z, masses):
+    """Those of the first register by turning it; then each planet of the second one with all others at once, so that
+    the time grows with how many there are.
+    """
+    (x0, X), (y0, Y), (z0, Z), (mass, source) = halves(x), halves(y), halves(z), halves(masses.mass)
+    (ax, ay, az), pairs = pulls_within(x0, y0, z0, mass)
+    bx, by, bz = full(0.0), full(0.0), full(0.0)
+    fx, fy, fz = joined(ax, bx), joined(ay, by), joined(az, bz)
+    here = unit(0)
+    for _ in range(_in_the_second(masses)):
+        dx, dy, dz = lane(X, 0) - x, lane(Y, 0) - y, lane(Z, 0) - z
+        # A body feels nothing of itself: its distance, 0, is made 1.
+        cubed = rsqrt_cubed(fma(dx, dx, fma(dy, dy, fma(dz, dz, joined(full(0.0), here)))))
+        there, back = lane(source, 0) * cubed, mass * halves(cubed)[0]
+        fx, fy, fz = fma(there, dx, fx), fma(there, dy, fy), fma(there, dz, fz)
+        bx = fma(-total(back * halves(dx)[0]), here, bx)
+        by = fma(-total(back * halves(dy)[0]), here, by)
+        bz = fma(-total(back * halves(dz)[0]), here, bz)
+        X, Y, Z, source, here = turned(X, 1), turned(Y, 1), turned(Z, 1), turned(source, 1), turned(here, 7)
+    zero = full(0.0)
+    return (fx + joined(zero, bx), fy + joined(zero, by), fz + joined(zero, bz)), pairs
+
+
+@verb
+def _pulls(x, y, z, masses):
+    """Return the accelerations of planets by each other, and the pairs of those in the first register."""
+    return _pulls_of_two if x == pair else _pulls_of_one
+
+
+@kernel(inline=True)
 def _pairs(x, y, z, places):
     """Return the pairs with the planets so many lanes on."""
     dx, dy, dz = turned(x, places) - x, turned(y, places) - y, turned(z, places) - z
@@ -235,6 +353,25 @@ def displace(planets, room, shift):
 
 
 @kernel
+def _modify(like, planets, room, shift):
+    """`modify`, of planets that stay in registers."""
+    (x, y, z), force, masses = of_state(like, planets, 0), of_room(like, room, FORCE), masses_of(like, room)
+    _, _, pairs = interaction(x, y, z, masses)
+    change, shifted, moved = change_along(force, pairs, shift, masses)
+    write_room(room, SHIFTED, shifted)
+    write_room(room, MOVED, moved)
+    write_room(room, FORCE, change)
+
+
+@verb
+def modify_in(registers, planets, room, count, shift):
+    """`modify` in the registers of a form; see `registers_of`."""
+    if registers == pair:
+        return lambda registers, planets, room, count, shift: _modify(registers, planets, room, shift)
+    return lambda registers, planets, room, count, shift: modify(planets, room, count, shift)
+
+
+@kernel
 def modify(planets, room, count, shift):
     """Add `shift` times the derivative of the interaction along itself to the rows FORCE.
 
@@ -243,12 +380,7 @@ def modify(planets, room, count, shift):
     """
     registers = room.shape[0] // ROWS
     if registers == 1:
-        (x, y, z), force, masses = load_three(planets, 0), load_three(room, FORCE), masses_of(room, 0)
-        _, _, pairs = interaction(x, y, z, masses)
-        change, shifted, moved = change_along(force, pairs, shift, masses)
-        store_three(room, SHIFTED, shifted)
-        store_three(room, MOVED, moved)
-        store_three(room, FORCE, change)
+        _modify(full(0.0), planets, room, shift)
         return
     bx, by, bz = 0.0, 0.0, 0.0
     for register in range(registers):
@@ -261,7 +393,7 @@ def modify(planets, room, count, shift):
     for k in range(registers):
         register = registers - 1 - k
         first = ROWS * register
-        masses, (ux, uy, uz) = masses_of(room, register), load_three(room, first + PLACE)
+        masses, (ux, uy, uz) = masses_of(full(0.0), room[first:]), load_three(room, first + PLACE)
         ex, ey, ez = load_three(room, first + MOVED)
         _, pairs = pulls_within(ux, uy, uz, masses.mass)
         fx, fy, fz = _tides_within(pairs, (ex, ey, ez), masses.mass)
@@ -289,15 +421,15 @@ def modify(planets, room, count, shift):
 
 @kernel(inline=True)
 def change_along(force, pairs, shift, masses):
-    """Return the interaction of a single register with `shift` times its derivative along itself, r' and u moved by
-    `shift` times the interaction; pairs : of `interaction`.
+    """Return the interaction of planets that stay in registers with `shift` times its derivative along itself, r' and u
+    moved by `shift` times the interaction; pairs : of `interaction`.
     """
     among, inwards, own = pairs
     x, y, z = shift * force[0], shift * force[1], shift * force[2]
     ex = x + sums_before(masses.share * x)
     ey = y + sums_before(masses.share * y)
     ez = z + sums_before(masses.share * z)
-    within = _tides_within(among, (ex, ey, ez), masses.mass)
+    within = _tides(among, inwards, (ex, ey, ez), masses)
     kepler, centre = tide_of_pair(own, x, y, z), tide_of_pair(inwards, ex, ey, ez)
     hx, hy, hz = tides_on_inner(masses, within, centre)
     beyond = sums_after(hx), sums_after(hy), sums_after(hz)
@@ -339,6 +471,40 @@ def _tides_within(pairs, moved, mass):
     cx, cy, cz = tide_of_pair(pairs[2], turned(ex, 3) - ex, turned(ey, 3) - ey, turned(ez, 3) - ez)
     dx, dy, dz = tide_of_pair(pairs[3], turned(ex, 4) - ex, turned(ey, 4) - ey, turned(ez, 4) - ez)
     return _sum_of_pairs(mass, ax, bx, cx, dx), _sum_of_pairs(mass, ay, by, cy, dy), _sum_of_pairs(mass, az, bz, cz, dz)
+
+
+def _tides_of_one(among, inwards, moved, masses):
+    return _tides_within(among, moved, masses.mass)
+
+
+def _tides_of_two(among, inwards, moved, masses):
+    (x, y, z), (mass, source) = (inwards.x, inwards.y, inwards.z), halves(masses.mass)
+    (_, X), (_, Y), (_, Z) = halves(x), halves(y), halves(z)
+    ex, ey, ez = moved
+    (ex0, EX), (ey0, EY), (ez0, EZ) = halves(ex), halves(ey), halves(ez)
+    ax, ay, az = _tides_within(among, (ex0, ey0, ez0), mass)
+    bx, by, bz = full(0.0), full(0.0), full(0.0)
+    fx, fy, fz = joined(ax, bx), joined(ay, by), joined(az, bz)
+    here = unit(0)
+    for _ in range(_in_the_second(masses)):
+        dx, dy, dz = lane(X, 0) - x, lane(Y, 0) - y, lane(Z, 0) - z
+        r2 = fma(dx, dx, fma(dy, dy, fma(dz, dz, joined(full(0.0), here))))
+        tx, ty, tz = tide(dx, dy, dz, r2, lane(EX, 0) - ex, lane(EY, 0) - ey, lane(EZ, 0) - ez)
+        there = lane(source, 0)
+        fx, fy, fz = fma(there, tx, fx), fma(there, ty, fy), fma(there, tz, fz)
+        bx = fma(-total(mass * halves(tx)[0]), here, bx)
+        by = fma(-total(mass * halves(ty)[0]), here, by)
+        bz = fma(-total(mass * halves(tz)[0]), here, bz)
+        X, Y, Z, source, here = turned(X, 1), turned(Y, 1), turned(Z, 1), turned(source, 1), turned(here, 7)
+        EX, EY, EZ = turned(EX, 1), turned(EY, 1), turned(EZ, 1)
+    zero = full(0.0)
+    return fx + joined(zero, bx), fy + joined(zero, by), fz + joined(zero, bz)
+
+
+@verb
+def _tides(among, inwards, moved, masses):
+    """Return the changes of the accelerations of `_pulls` with the places moved."""
+    return _tides_of_two if inwards.types[0] == pair else _tides_of_one
 
 
 @kernel(inline=True)

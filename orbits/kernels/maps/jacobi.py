@@ -29,6 +29,7 @@ from orbits.kernels.kepler.flow import kepler_increments
 from orbits.kernels.kepler.short_flow import short_increments
 from orbits.kernels.lanes import (
     WIDTH,
+    alike,
     exact_sub,
     fma,
     full,
@@ -58,9 +59,14 @@ from orbits.kernels.maps.interaction import (
     STATE_ROWS,
     change_along,
     interaction,
+    kind_of,
     load_three,
     masses_of,
+    of_room,
+    of_state,
     store_three,
+    write_room,
+    write_state,
 )
 from orbits.kernels.maps.nearest import note_nearest
 from orbits.kernels.maps.terms_of_dominant import flow_of_register, force_with_pulls
@@ -153,7 +159,7 @@ def _move(planets, room, h, kick, short):
 
 @kernel(inline=True)
 def _kicked(v, kick, ax, ay, az):
-    return fma(full(kick), ax, v[0]), fma(full(kick), ay, v[1]), fma(full(kick), az, v[2])
+    return fma(kick, ax, v[0]), fma(kick, ay, v[1]), fma(kick, az, v[2])
 
 
 @kernel(inline=True)
@@ -168,60 +174,64 @@ def move_centre(planets, registers, h):
 
 
 @kernel
-def step_plain(planets, room, h):
-    """Take a step of planets that fit into one register: half a kick, Kepler motions, half a kick.
+def step_plain(registers, planets, room, h):
+    """Take a step of planets that stay in registers: half a kick, Kepler motions, half a kick.
 
-    The same as `advance_planets`, the interaction for the kick and `finish_velocities`, to the last bit, but that all
-    stays in registers, in two thirds of the time. The rows FORCE have the interaction of the kick before, and receive
-    that of this one.
+    The same as `advance_planets`, the interaction for the kick and `finish_velocities`, to the last bit, but that
+    nothing leaves registers, in two thirds of the time. The rows FORCE have the interaction of the kick before, and
+    receive that of this one.
+
+    registers : see `orbits.kernels.maps.interaction.registers_of`
     """
-    _step(planets, room, h, 0.0, False, False)
+    _step(kind_of(registers), planets, room, h, 0.0, False, False)
 
 
 @kernel
-def step_modified(planets, room, h, shift):
+def step_modified(registers, planets, room, h, shift):
     """The same with the modified kick, changed by `shift` times its derivative along itself."""
-    _step(planets, room, h, shift, True, False)
+    _step(kind_of(registers), planets, room, h, shift, True, False)
 
 
 @kernel
-def step_lazy(planets, room, h, shift):
+def step_lazy(registers, planets, room, h, shift):
     """The same with the lazy kick, by the interaction at places displaced by `shift` times the interaction."""
-    _step(planets, room, h, shift, False, True)
+    _step(kind_of(registers), planets, room, h, shift, False, True)
 
 
 @kernel(inline=True)
-def _step(planets, room, h, shift, modified, lazy):
-    x, y, z = load_three(planets, 0)
-    u, v, w = load_three(planets, 3)
-    masses, force, kick = masses_of(room, 0), load_three(room, FORCE), 0.5 * h
+def _step(like, planets, room, h, shift, modified, lazy):
+    x, y, z = of_state(like, planets, 0)
+    u, v, w = of_state(like, planets, 3)
+    masses, force, kick = masses_of(like, room), of_room(like, room, FORCE), 0.5 * h
     vx, vy, vz = _kicked((u, v, w), kick, force[0], force[1], force[2])
-    dx, dy, dz, dvx, dvy, dvz = short_increments(x, y, z, vx, vy, vz, masses.attracting, full(h))
+    dx, dy, dz, dvx, dvy, dvz = short_increments(x, y, z, vx, vy, vz, masses.attracting, alike(h, like))
     change = _kicked((dvx, dvy, dvz), kick, force[0], force[1], force[2])
-    x, x_lo = accumulate(x, load(planets, 6), dx)
-    y, y_lo = accumulate(y, load(planets, 7), dy)
-    z, z_lo = accumulate(z, load(planets, 8), dz)
+    x_lo, y_lo, z_lo = of_state(like, planets, 6)
+    x, x_lo = accumulate(x, x_lo, dx)
+    y, y_lo = accumulate(y, y_lo, dy)
+    z, z_lo = accumulate(z, z_lo, dz)
     force, place, pairs = interaction(x, y, z, masses)
     note_nearest(room, pairs)
     if lazy:
         there = _kicked((x, y, z), shift, force[0], force[1], force[2])
-        store_three(room, SHIFTED, there)
+        write_room(room, SHIFTED, there)
         force, place, _ = interaction(there[0], there[1], there[2], masses)
     if modified:
         force, shifted, moved = change_along(force, pairs, shift, masses)
-        store_three(room, SHIFTED, shifted)
-        store_three(room, MOVED, moved)
+        write_room(room, SHIFTED, shifted)
+        write_room(room, MOVED, moved)
     change = _kicked(change, kick, force[0], force[1], force[2])
-    u, u_lo = accumulate(u, load(planets, 9), change[0])
-    v, v_lo = accumulate(v, load(planets, 10), change[1])
-    w, w_lo = accumulate(w, load(planets, 11), change[2])
-    store_three(planets, 0, (x, y, z))
-    store_three(planets, 3, (u, v, w))
-    store_three(planets, 6, (x_lo, y_lo, z_lo))
-    store_three(planets, 9, (u_lo, v_lo, w_lo))
-    store_three(room, PLACE, place)
-    store_three(room, FORCE, force)
-    move_centre(planets, 1, h)
+    u_lo, v_lo, w_lo = of_state(like, planets, 9)
+    u, u_lo = accumulate(u, u_lo, change[0])
+    v, v_lo = accumulate(v, v_lo, change[1])
+    w, w_lo = accumulate(w, w_lo, change[2])
+    write_state(planets, 0, (x, y, z))
+    write_state(planets, 3, (u, v, w))
+    write_state(planets, 6, (x_lo, y_lo, z_lo))
+    write_state(planets, 9, (u_lo, v_lo, w_lo))
+    write_room(room, PLACE, place)
+    write_room(room, FORCE, force)
+    move_centre(planets, room.shape[0] // ROWS, h)
 
 
 @kernel
@@ -233,7 +243,7 @@ def step_with_terms_in_a_register(model, planets, room, h, shift, lazy):
     the last bit, without leaving registers; the rows FORCE have the interaction of the kick before, and receive that of
     this one.
     """
-    masses, force, kick = masses_of(room, 0), load_three(room, FORCE), 0.5 * h
+    masses, force, kick = masses_of(full(0.0), room), load_three(room, FORCE), 0.5 * h
     state = load_three(planets, 0) + load_three(planets, 3), load_three(planets, 6) + load_three(planets, 9)
     state = _kicked_state(state, (kick * force[0], kick * force[1], kick * force[2]))
     state = flow_of_register(model, masses, state, kick)

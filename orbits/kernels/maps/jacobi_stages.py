@@ -8,16 +8,19 @@ from __future__ import annotations
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.kepler.short_flow import short_increments
-from orbits.kernels.lanes import WIDTH, fma, full, load, store
+from orbits.kernels.lanes import WIDTH, alike, fma, full, load, store
 from orbits.kernels.maps.interaction import (
     FORCE,
     ROWS,
     STATE_ROWS,
     interact,
+    interact_in,
     interaction,
-    load_three,
+    kind_of,
     masses_of,
-    store_three,
+    of_state,
+    stay_in_registers,
+    write_state,
 )
 from orbits.kernels.maps.jacobi import advance_planets, finish_velocities, move_centre, show_planets
 from orbits.kernels.maps.jacobi_particles import (
@@ -37,13 +40,14 @@ KICK, DRIFT = 0, 1
 
 
 @kernel
-def step_in_stages(planets, room, count, stages):
+def step_in_stages(registers, planets, room, count, stages):
     """Take the stages of a step.
 
+    registers : see `orbits.kernels.maps.interaction.registers_of`
     planets, room : see `orbits.kernels.maps.jacobi`; count : the number of planets; stages : (s, columns)
     """
-    if room.shape[0] // ROWS == 1:
-        _step_in_registers(planets, room, stages)
+    if stay_in_registers(registers, room):
+        _step_in_registers(kind_of(registers), planets, room, stages)
         return
     for i in range(stages.shape[0]):
         interact(planets, room, count, False)
@@ -51,11 +55,11 @@ def step_in_stages(planets, room, count, stages):
 
 
 @kernel
-def step_in_stages_among_particles(strength, planets, room, stages, table):
+def step_in_stages_among_particles(registers, strength, planets, room, stages, table):
     """The same to the same bits, with a table for particles at each kick."""
     count = strength.shape[0] - 2
     for i in range(stages.shape[0]):
-        interact(planets, room, count, False)
+        interact_in(registers, planets, room, count, False)
         tabulate(strength, planets, room, table, i * table_rows(count), PLAIN)
         _kick_and_drift(planets, room, stages[i, KICK], stages[i, DRIFT])
 
@@ -67,18 +71,18 @@ def _kick_and_drift(planets, room, kick, drift):
 
 
 @kernel
-def _step_in_registers(planets, room, stages):
-    """The same for planets that fit into one register, without leaving it."""
-    x, y, z = load_three(planets, 0)
-    u, v, w = load_three(planets, 3)
-    x_lo, y_lo, z_lo = load_three(planets, 6)
-    u_lo, v_lo, w_lo = load_three(planets, 9)
-    masses = masses_of(room, 0)
+def _step_in_registers(like, planets, room, stages):
+    """The same for planets that fit into as many registers as `like` has, without leaving them."""
+    x, y, z = of_state(like, planets, 0)
+    u, v, w = of_state(like, planets, 3)
+    x_lo, y_lo, z_lo = of_state(like, planets, 6)
+    u_lo, v_lo, w_lo = of_state(like, planets, 9)
+    masses = masses_of(like, room)
     for i in range(stages.shape[0]):
         kick, h = stages[i, KICK], stages[i, DRIFT]
         force, _, _ = interaction(x, y, z, masses)
         vx, vy, vz = _kicked((u, v, w), kick, force)
-        dx, dy, dz, dvx, dvy, dvz = short_increments(x, y, z, vx, vy, vz, masses.attracting, full(h))
+        dx, dy, dz, dvx, dvy, dvz = short_increments(x, y, z, vx, vy, vz, masses.attracting, alike(h, like))
         x, x_lo = accumulate(x, x_lo, dx)
         y, y_lo = accumulate(y, y_lo, dy)
         z, z_lo = accumulate(z, z_lo, dz)
@@ -86,16 +90,16 @@ def _step_in_registers(planets, room, stages):
         u, u_lo = accumulate(u, u_lo, du)
         v, v_lo = accumulate(v, v_lo, dv)
         w, w_lo = accumulate(w, w_lo, dw)
-        move_centre(planets, 1, h)
-    store_three(planets, 0, (x, y, z))
-    store_three(planets, 3, (u, v, w))
-    store_three(planets, 6, (x_lo, y_lo, z_lo))
-    store_three(planets, 9, (u_lo, v_lo, w_lo))
+        move_centre(planets, room.shape[0] // ROWS, h)
+    write_state(planets, 0, (x, y, z))
+    write_state(planets, 3, (u, v, w))
+    write_state(planets, 6, (x_lo, y_lo, z_lo))
+    write_state(planets, 9, (u_lo, v_lo, w_lo))
 
 
 @kernel(inline=True)
 def _kicked(v, kick, force):
-    return fma(full(kick), force[0], v[0]), fma(full(kick), force[1], v[1]), fma(full(kick), force[2], v[2])
+    return fma(kick, force[0], v[0]), fma(kick, force[1], v[1]), fma(kick, force[2], v[2])
 
 
 @kernel(inline=True)

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, load, maximum, store
+from orbits.kernels.compile.verbs import verb
+from orbits.kernels.lanes import WIDTH, full, load, maximum, pair, store
 from orbits.kernels.maps.interaction import (
     ATTRACTING,
     CENTRAL,
@@ -70,12 +71,19 @@ def begin_nearest(planets, room, h, angle):
             both = planets[STATE_ROWS + 2, i] >= 0.0 and planets[STATE_ROWS + 2, k] >= 0.0
             room[NEAREST + places - 1, i] = apart * apart if both else 0.0
     X, Y, Z = load_three(planets, 0)
-    note_nearest(room, interaction(X, Y, Z, masses_of(room, 0))[2])
+    note_nearest(room, interaction(X, Y, Z, masses_of(full(0.0), room))[2])
+
+
+@verb
+def note_nearest(room, pairs):
+    """Take note of the distances at a kick, of planets of a single register; pairs : of `interaction`."""
+    if pairs.types[1].types[0] == pair:
+        return lambda room, pairs: None
+    return lambda room, pairs: _note(room, pairs)
 
 
 @kernel(inline=True)
-def note_nearest(room, pairs):
-    """Take note of the distances at a kick; pairs : of `interaction`."""
+def _note(room, pairs):
     (one, two, three, four), inwards, _ = pairs
     near = maximum(one.squared * load(room, NEAREST), two.squared * load(room, NEAREST + 1))
     far = maximum(three.squared * load(room, NEAREST + 2), four.squared * load(room, NEAREST + 3))

@@ -150,7 +150,7 @@ def _again(tags, strength, parameters, mass, part, U, W, f, half):
 @kernel(inline=True)
 def _settle_register(tags, strength, parameters, planets, room, half, sweeps):
     state = load_three(planets, 0) + load_three(planets, 3)
-    rates = _settled(tags, strength, parameters, masses_of(room, 0), state, half, sweeps)
+    rates = _settled(tags, strength, parameters, masses_of(full(0.0), room), state, half, sweeps)
     store_three(room, RATE, (rates[0], rates[1], rates[2]))
     store_three(room, RATE + 3, (rates[3], rates[4], rates[5]))
 
@@ -402,7 +402,7 @@ def _kick(tags, strength, parameters, planets, room):
     registers = room.shape[0] // ROWS
     if registers == 1:
         place, force = load_three(room, PLACE), load_three(room, FORCE)
-        store_three(room, FORCE, _with_pulls(tags, strength, parameters, masses_of(room, 0), place, force))
+        store_three(room, FORCE, _with_pulls(tags, strength, parameters, masses_of(full(0.0), room), place, force))
         return
     bx, by, bz = 0.0, 0.0, 0.0
     for k in range(registers):

@@ -99,7 +99,7 @@ class MapTangents:
         scale: float | None = None,
     ) -> None:
         require_map_tangents(integrator, lagrangian)
-        form = form_for(integrator, lagrangian)
+        form = form_for(integrator, lagrangian).for_bodies(len(q))
         assert isinstance(form, OnKeplerOrbits)
         form.check_start(parameters, q, v)
         self._form, self._lagrangian, self._integrator = form, lagrangian, integrator

@@ -71,7 +71,7 @@ class ParticleTangents(BoundLoops):
         require_map_tangents(integrator, lagrangian)
         self._steps, (q, v), (x, w) = ConstantSteps(h), bodies, particles
         n, m = len(q), len(x)
-        form = form_of_bodies(integrator, lagrangian, self._steps, with_particles=True)
+        form = form_of_bodies(integrator, lagrangian, self._steps, with_particles=True).for_bodies(n)
         assert isinstance(form, KeplerSplitting)
         form.check_start(parameters, q, v)
         self._turn = 2.0 * math.pi / integrator.least_steps
