@@ -150,6 +150,8 @@ SYSTEMS = {
     "crossing": lambda rng: crossing(int(rng.integers(1000))),
     "heavy": lambda rng: planets_of(rng, gm=1e-3, count=4, apart=0.6, e=0.1),
     "many": lambda rng: planets_of(rng, gm=3e-5, count=8, apart=0.12, e=0.15),
+    "twelve": lambda rng: planets_of(rng, gm=3e-5, count=12, apart=0.12, e=0.15),
+    "sixteen, wide": lambda rng: planets_of(rng, gm=1e-5, count=16, apart=0.4, e=0.45),
     "eccentric": lambda rng: planets_of(rng, gm=1e-5, count=3, apart=1.0, e=0.75),
 }
 
@@ -185,12 +187,13 @@ def test_no_passage_that_the_map_cannot_follow_is_missed_by_looking_at_kicks_alo
             hard, missed = hard + 1, missed + (row.tobytes() not in found)
         assert np.array_equal(every.state(), screened.state())
     assert missed == 0
-    assert hard > 0 or kind == "heavy"
+    assert hard > 0 or kind in ("heavy", "sixteen, wide")
     assert blind > 0 or kind != "heavy"
 
 
-def test_sun_and_eight_planets_in_the_usual_steps_are_never_looked_at_closely():
-    march = marcher(*solar_system(8), 3.0, looks=False)
+@pytest.mark.parametrize("count", [8, 9])
+def test_the_planets_in_the_usual_steps_are_never_looked_at_closely(count):
+    march = marcher(*solar_system(count), 3.0, looks=False)
     march.advance(100_000)
     assert not march._watcher.sees_path
     assert len(march.passages()[0]) == 0

@@ -130,8 +130,9 @@ class KeplerSplitting(InJacobiCoordinates):
         return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers_for(size), WIDTH
 
     def notes_nearest(self, size: int) -> bool:
-        """Whether the steps note how close the planets come: those of a single register, without particles."""
-        return registers_for(size) == 1 and not self.among_particles
+        """Whether the steps note how close the planets come: those that stay in registers, without particles."""
+        most = 1 if self.with_terms else 2
+        return registers_for(size) <= most and not self.among_particles
 
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""

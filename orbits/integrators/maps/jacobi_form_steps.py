@@ -9,6 +9,7 @@ from orbits.kernels.maps.interaction import (
     displace,
     interact,
     interact_in,
+    kind_of,
     modify_in,
     registers_of,
     stay_in_registers,
@@ -104,9 +105,10 @@ def show(method, model, state, storage):
 def begin(method, model, t, h, state, storage):
     """Compute the interaction of the first half of a kick, which later steps take over."""
     prepare_room(strength_of(model), storage.carry, storage.scratch)
-    if storage.scratch.shape[0] < 2 * ROWS:
-        begin_nearest(storage.carry, storage.scratch, h, method.coefficients[0, ANGLE])
-    _kick_of_a_step(registers_of(method), model, method.coefficients, storage.carry, storage.scratch)
+    registers = registers_of(method)
+    if stay_in_registers(registers, storage.scratch):
+        begin_nearest(kind_of(registers), storage.carry, storage.scratch, h, method.coefficients[0, ANGLE])
+    _kick_of_a_step(registers, model, method.coefficients, storage.carry, storage.scratch)
 
 
 @kernel(inline=True)

@@ -37,7 +37,7 @@ from orbits.kernels.lanes import (
     unit,
 )
 
-STATE_ROWS, ROWS = 12, 40
+STATE_ROWS, ROWS = 12, 41
 """Rows of a register in `planets` and in `room`."""
 
 FORCE, PLACE, SHIFTED, CHANGE, MOVED = 0, 3, 6, 9, 18
@@ -55,7 +55,7 @@ RATE, OWN = 22, 28
 """Rows of `room` for terms of the dominant body: the rates of r' and of its velocity; workspace."""
 
 NEAREST = 34
-"""The first of six rows of `room` for what `orbits.kernels.maps.nearest` notes."""
+"""The first of seven rows of `room` for what `orbits.kernels.maps.nearest` notes."""
 
 
 @kernel(inline=True, exact=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.dominant import DOMINANT
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.maps.nearest import CLOSEST
+from orbits.kernels.maps.nearest import closest_in
 from orbits.kernels.search import collisions
 from orbits.kernels.search.approaches import follow_bodies, follow_particles, search
 from orbits.kernels.search.apsides import OPEN, apsides_of
@@ -226,7 +226,7 @@ class Watcher:
         """
         if not self._screens:
             return False
-        seen, self.sees_path = self.sees_path, not bool((room[CLOSEST] <= 1.0).all())
+        seen, self.sees_path = self.sees_path, not closest_in(room) <= 1.0
         return self.sees_path and not seen
 
     def look(self, h: float, steps: int, q: Array, v: Array, parallel: Parallel | None = None) -> None:
