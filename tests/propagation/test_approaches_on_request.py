@@ -160,6 +160,7 @@ def test_what_is_neither_yes_nor_no_is_refused(answer: Any) -> None:
         orbits.propagate(system(), VERLET, approaches=answer, **SHORT)
 
 
+@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
 def test_a_campaign_looks_for_them_unless_it_is_told_not_to(tmp_path: Path) -> None:
     members = ensemble.particles(system(0), system(20))
     options = {"dt": 1 / 16, "duration": 10.0, "integrator": MAP}
