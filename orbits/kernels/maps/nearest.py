@@ -59,10 +59,9 @@ WAY = 0.55
 """The way of two planets towards each other from one of two kicks, of that in a step at their largest speeds."""
 
 CENTRE, CLOSEST, REACH = NEAREST + 4, NEAREST + 5, NEAREST + 6
-"""Rows after those of the squared distances that count as close for pairs 1, 2, 3 and 4 lanes on, in the first register:
-those from the dominant body; the largest ratio of these to the squared distances at kicks, above 1 if any was as close;
-and for pairs with a planet of a second register, two parts of a distance that counts as close.
-"""
+"""Rows after the squared distances that count as close for pairs 1, 2, 3 and 4 lanes on, in the first register: those
+from the dominant body; the largest ratio of any to the squared distance at a kick, above 1 if one was as close; and for
+pairs with a planet of the second register, the two parts of a distance that counts as close."""
 
 FAR = 1e300
 """The square of a distance that is never close."""
