@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,8 @@ from orbits.marching.stepping.partial_steps import PartialSteps
 from orbits.marching.watching import kepler_passages
 from orbits.marching.watching.passage_list import PassageList
 from orbits.marching.watching.watcher import Watcher, empty_record, thresholds
+
+T = TypeVar("T")
 
 UNLIMITED = 1 << 62
 """The number of steps of a block that nothing limits."""
@@ -275,15 +277,15 @@ class Marcher(Blocks):
         """Take the next step whatever pairs come to their bounds in it."""
         self._passes = True
 
-    def next_step(self) -> tuple[float, Array, Array]:
-        """Return the time after the next step, and (q, v) there; the march does not change. Raises what `advance`
+    def after_next_step(self, read: Callable[[], T]) -> T:
+        """Return what a function returns after the next step; the march does not change. Raises what `advance`
         raises.
         """
         kept, block, keep, self._keep = self.checkpoint(), self.block, self._keep, None
         try:
             self.pass_by()
             self.approach(Place(self.step + 1, math.inf * self.clock.direction if self.clock.changes else 0.0))
-            return self.time, *self.state()
+            return read()
         finally:
             self.restore(kept)
             self.block, self._keep, self.met = block, keep, None

@@ -143,7 +143,7 @@ class RunEnds:
         found = None
         if self.events.stops is not None:
             found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))
-        return found or self.events.before(marcher, time, record=False)
+        return found or self.events.ahead(marcher, time)
 
     def at_a_bound(self, marcher: March, sample: Sample) -> Found | None:
         """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""

@@ -303,7 +303,7 @@ class Seeking:
         if not self.stops.may_end(marcher, sample):
             return None
         with suppress(IntegrationError):
-            end = Sample(*marcher.next_step())
+            end = marcher.after_next_step(lambda: Sample(marcher.time, *marcher.state()))
             if (end.time - sample.time) * self._direction >= 0.0:
                 return self._at_a_bound(marcher, end, sample.time)
         return self._at_a_bound(marcher, sample, sample.time)
@@ -368,6 +368,18 @@ class Seeking:
             rest.approach(goal)
             found = self._seek(rest.motion(), False, record)
         return found
+
+    def ahead(self, marcher: Marcher, time: float) -> Found | None:
+        """Seek the first event that interrupts the run between the state of the march and a time less than a step
+        ahead, in the whole step: it is where it is without a sample at this time. If the march cannot take the step,
+        on the way to the time.
+        """
+        self.flush()
+        if not self.interrupts or (time - marcher.time) * self._direction <= 0.0:
+            return None
+        with suppress(IntegrationError):
+            return marcher.after_next_step(lambda: self._seek(marcher.motion(), False, False, time))
+        return self.before(marcher, time, record=False)
 
     def before_in(self, steps: Iterable[Marcher], time: float) -> Found | None:
         """Seek the first event that interrupts the run up to a time, in whole steps that lead beyond it.
