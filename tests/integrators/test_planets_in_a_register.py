@@ -9,7 +9,7 @@ import orbits
 from orbits.elements import state_from_elements
 from orbits.kernels.maps.interaction import displace, interact, modify
 from orbits.kernels.maps.jacobi import advance_planets, finish_velocities, step_lazy, step_modified, step_plain
-from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW
+from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.marcher import Marcher
 from orbits.resources import data_path
@@ -197,3 +197,29 @@ def test_the_planets_in_the_usual_steps_are_never_looked_at_closely(count):
     march.advance(100_000)
     assert not march._watcher.sees_path
     assert len(march.passages()[0]) == 0
+
+
+@pytest.mark.parametrize("looks", [True, False])
+@pytest.mark.parametrize("count", [3, 8])
+def test_every_meeting_of_planets_is_listed_also_if_their_distance_hardly_changes(count, looks):
+    for seed in range(24):
+        gm, q, v = planets_of(np.random.default_rng(seed), gm=1e-3, count=count, apart=0.1, e=0.3)
+        plain, steps = {"kernel": "standard", "corrector": 0, "looks": looks}, 150
+        march, whole = (marcher(gm, q, v, 0.1, **plain) for _ in range(2))
+        states = [march.state()]
+        for _ in range(steps):
+            march.advance(1)
+            states.append(march.state())
+        whole.advance(steps)
+        listed = {(int(row[ROW]), int(row[MATE]), int(row[STEP])) for row in whole.passages()[0]}
+        x, u = np.array(states).transpose(1, 0, 2, 3)
+        for i in range(1, len(gm)):
+            for j in range(i + 1, len(gm)):
+                apart, speed = x[:, j] - x[:, i], u[:, j] - u[:, i]
+                opening, distance = (apart * speed).sum(axis=1), np.linalg.norm(apart, axis=1)
+                reach = 3.0 * np.linalg.norm(x[:, i] - x[:, 0], axis=1) * np.cbrt((gm[i] + gm[j]) / (3.0 * gm[0]))
+                # Two planets that revolve about each other are listed when they meet, not at each turn.
+                free = 0.5 * (speed * speed).sum(axis=1) > (gm[i] + gm[j]) / distance
+                for k in np.flatnonzero((opening[:-1] < 0.0) & (opening[1:] >= 0.0) & free[:-1]):
+                    if max(distance[k], distance[k + 1]) < 0.95 * reach[k]:
+                        assert (i, j, k) in listed

@@ -178,6 +178,9 @@ def search(context, track, h, steps, j, row, valid):
             break
         before, last = now, k
         x0, y0, z0, u0, v0, w0 = x, y, z, u, v, w
+        if watch.every != 0 and row < n:
+            k += 1
+            continue
         b, d = b + 2 * P, d + stride
         u = load(states, d) - path[b] - u
         v = load(states, d + spacing) - path[b + n] - v

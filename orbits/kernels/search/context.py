@@ -18,6 +18,7 @@ record : (4, 2, rows + 8) squared distance, reading of the clock, squared speed 
 stops : (conditions, 4), see `stopping.py`; if there are any
 hits : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps in the last
     of which a pair may first come to its bound
+every : whether massive bodies are looked at in every step: their orbits may change between two samples
 radii : (n + m + padding,), radii of the bodies, then of the particles; negative where nothing collides. These and
     `strength`, `touched`, `touched_own` only if collisions are sought
 strength : (1 + n,), the squared softening length and GM of the bodies
@@ -77,6 +78,7 @@ _KINDS: dict[str, Any] = {
     "record": _array(3),
     "stops": _array(2),
     "hits": _array(1, types.int64),
+    "every": types.int64,
     "radii": _array(1),
     "strength": _array(1),
     "touched": _array(1, types.int64),

@@ -147,6 +147,7 @@ class Watcher:
             pericentre_angle=pericentre_angle,
             times=times,
             pace=1.0,
+            every=int(on_kepler_orbits),
         )
         self.contexts.enter_each("passages", [passages for passages, _ in self.lists])
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
