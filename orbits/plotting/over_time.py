@@ -66,7 +66,8 @@ def plot_elements(
     elements : their names, as in `run.elements()`: a, e, q, inc, Omega, omega, pomega, M, l, f, n, P, h, k, ix, iy
     primary : the body that the others orbit; the most massive one by default
     bodies, title, frame : as in `plot_trajectory`
-    approaches : whether the close approaches of the run are marked too, those of `run.closest_approaches()`
+    approaches : whether the close approaches of the run are marked too, those of `run.closest_approaches()`, in a run
+        that looked for them
 
     Lines end with a cross where a particle was retired or a body merged; events are small triangles on the line of
     their body. Raises UnknownNameError for an unknown element, body or frame, InputError for a run without samples.

@@ -80,16 +80,17 @@ def _is_low_or_sharp(watch, h, known, first, second):
 
 
 @kernel(inline=True)
-def _steps_until(watch, valid, place, velocity, change, h, k, steps):
+def _steps_until(watch, valid, reach, place, velocity, change, h, k, steps):
     """Return the number of steps to the next sample of pairs whose velocities change by `change` in step k of a
-    block.
+    block: one for those within `reach`, where the distance may hardly change between two passages.
     """
     (x, y, z), (u, v, w), (du, dv, dw) = place, velocity, change
     h = h * steps_between(watch, h, k, k + 1)
     r2, speed2 = x * x + y * y + z * z, u * u + v * v + w * w
     # distance / speed, or the time in which the acceleration covers the distance, whichever is shorter
     fall = sqrt(r2 * (du * du + dv * dv + dw * dw)) / abs(h)
-    time2 = -largest(select(valid > 0.0, -r2 / (maximum(speed2, fall) + 1e-300 * r2), full(-MANY)))
+    way = maximum(sqrt(r2) - reach, full(0.0))
+    time2 = -largest(select(valid > 0.0, -(way * way) / (maximum(speed2, fall) + 1e-300 * r2), full(-MANY)))
     count = FRACTION * math.sqrt(time2) / abs(h)
     if watch.times.shape[0] == 0:
         count = min(count, 1.0 * (steps - k))
@@ -185,7 +186,7 @@ def search(context, track, h, steps, j, row, valid):
         u = load(states, d) - path[b] - u
         v = load(states, d + spacing) - path[b + n] - v
         w = load(states, d + 2 * spacing) - path[b + 2 * n] - w
-        k += _steps_until(watch, valid, (x, y, z), (u0, v0, w0), (u, v, w), h, k, steps)
+        k += _steps_until(watch, valid, reach, (x, y, z), (u0, v0, w0), (u, v, w), h, k, steps)
 
 
 @kernel
