@@ -56,7 +56,7 @@ class Plan:
     dt, duration, until, samples, events, stop, check_step : as in `orbits.propagate`; two samples by default, the start
         and the end
     approaches : as in `orbits.propagate`, but True by default, for the columns of the table that tell the closest
-        approach of each member. Particles of a map take 10 to 50 % more time for it; False leaves these columns out
+        approach of each member. Particles of a map take some 5 % more time for it; False leaves these columns out
     megno : True for MEGNO of each member, or a dict of options of `orbits.megno`: vectors, seed, coupled
     trajectories : whether the samples of each member are kept, or the table alone
     block : members that are integrated together; by default as many as make the overhead of a block small

@@ -163,8 +163,8 @@ def propagate(
         warning before the run; False leaves all of this out
     approaches : whether closest approaches are looked for, for `run.closest_approaches()`. None looks for them where
         that takes little time, with Gauss and other implicit methods, and with rigid bodies, to warn of those that
-        touch. With kicks and drifts and with maps it takes 10 to 50 % of the time of a run: True asks for them. The
-        states, events and other warnings of a run do not depend on it
+        touch. With maps it may take longer than the steps: True asks for them. The states, events and other warnings
+        of a run do not depend on it
     dense : True keeps the state at every step, in memory or in the archive, so that `run.at` answers for any times at
         once: about 0.3 microseconds a body and time. It takes 48 bytes a body and step; the samples are the same. If
         an event changes the bodies there is a warning, and `run.at` marches from the samples, as without it

@@ -55,7 +55,7 @@ Approaches = Annotated[
     typer.Option(
         "--approaches/--no-approaches",
         help="Whether closest approaches are looked for. Gauss does so by default; methods with cheap steps, such as "
-        "maps, do not, as it takes 10 to 50 % of their time.",
+        "maps, do not, as it may take longer than their steps.",
         metavar="",
     ),
 ]
