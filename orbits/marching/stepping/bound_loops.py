@@ -104,8 +104,9 @@ class BoundLoops:
         changed = ("q", "q_lo", "v", "v_lo", "memory")
         self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
         many = Parallel.serves(form, tag, n)
-        self._others = threads - 1 if many else min(threads, len(self.tasks)) - 1
-        self._pool = Pool(self._others) if self._others > 0 else None
+        self._others = max(min(threads, len(self.tasks)) - 1, 0)
+        workers = threads if many and threads > 1 else self._others
+        self._pool = Pool(workers, own=int(not many)) if workers else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
         recorded = own or followed is not None or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))

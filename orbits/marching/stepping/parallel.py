@@ -78,9 +78,10 @@ def follow_part(context, own, h, steps, way, part):
 
 
 class Threads:
-    """Threads that run one compiled function together; one of them is the caller's own.
+    """Threads that run one compiled function together; a single one is the caller's own, which otherwise waits, as it
+    alone can be interrupted.
 
-    pool : at least as many workers as there are other threads, or None if there are none
+    pool : at least as many workers as there are threads, or None for a single thread
     """
 
     def __init__(self, count: int, pool: Executor | None) -> None:
@@ -105,9 +106,8 @@ class Threads:
 
         members: list[Future[None]] = []
         try:
-            for member in range(1, self.count):
+            for member in range(self.count):
                 members.append(self._pool.submit(work, member))
-            work(0)
             wait(members)
         except BaseException:
             # Threads waiting for one that was never started are released and end; only then may the arrays be used.
