@@ -57,7 +57,7 @@ SHOWN = ("Mercury", "Venus", "Earth-Moon", "Mars", "Jupiter", "Saturn", "Uranus"
 
 def part_planets(repetitions: int) -> dict[str, Any]:
     """Wisdom–Holman maps of the planets, steps of 3 days. Sun and eight planets: the least time of a step in many short
-    chunks, whole runs of ours with their search for closest approaches, alternating with REBOUND's WHFast, SABA and
+    chunks, whole runs of ours, alternating with REBOUND's WHFast, SABA and
     WHFast512, from the wheel and as built here from source; how many times faster than each of these builds; and the
     largest energy error in ten million steps. Ten bodies over 1,000 years: seconds, and the RMS position error over
     rotated initial states, each compared with the solution for exactly its rounded floats.
