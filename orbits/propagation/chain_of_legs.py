@@ -22,7 +22,7 @@ from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps, Place
 from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.retirement import Retirement
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.impact import Impact, Step, impacts
 from orbits.propagation.collisions.merge_and_bounce import State
@@ -54,15 +54,15 @@ class Ahead(NamedTuple):
     passed : the motion in whole steps before it in which no events were sought
     """
 
-    start: Marcher
-    after: Marcher
+    start: Legs
+    after: Legs
     end: float
     impacts: list[Impact]
     passed: tuple[Motion, ...] = ()
 
 
 class ChangingMarch:
-    """A march of a system whose bodies collide, with the interface of `Marcher` that runs need.
+    """A march of a system whose bodies collide, with the interface of `Leg` that runs need.
 
     system : at the start; events : of the run, where collisions are listed; approaches : as in `propagate`
 
@@ -103,7 +103,7 @@ class ChangingMarch:
     # ----------------------------------------------------------------------------------------- what a march shows
 
     @property
-    def current(self) -> Marcher:
+    def current(self) -> Legs:
         """The march of the current leg."""
         return self._marcher
 
@@ -122,15 +122,9 @@ class ChangingMarch:
         """The reading of the clock: whole steps, or the time."""
         return self.time if self.clock.changes else self.step
 
-    @property
-    def evaluations(self) -> int:
-        """Evaluations of the forces among the massive bodies."""
-        return self._marcher.evaluations
-
-    @property
-    def particle_evaluations(self) -> int:
-        """Evaluations of the field at massless particles."""
-        return self._marcher.particle_evaluations
+    def counts(self) -> tuple[int, int]:
+        """Return the numbers of evaluations; see `Leg`."""
+        return self._marcher.counts()
 
     @property
     def met(self) -> None:
@@ -153,7 +147,7 @@ class ChangingMarch:
         return [lost._replace(body=int(numbers[lost.body])) for lost in retired]
 
     def accounts(self) -> Array:
-        """Return the time integrals of each force up to the state returned last; see `Marcher.accounts`."""
+        """Return the time integrals of each force up to the state returned last; see `Leg.accounts`."""
         return self._work + self._marcher.accounts()
 
     def state(self) -> tuple[Array, Array]:
@@ -285,7 +279,7 @@ class ChangingMarch:
         """The bodies at the start of the run, with the masses and radii that they have now."""
         return self.system.replaced(gm=self.bodies.gm, radii=None if self.system.radii is None else self.bodies.radii)
 
-    def steps_beyond(self, time: float) -> Iterator[Marcher]:
+    def steps_beyond(self, time: float) -> Iterator[Legs]:
         """Yield marches that have taken one step each, from here to a time or beyond; this march does not move."""
         self._settle()
         ahead, direction = self._marcher, self.clock.direction
@@ -316,7 +310,7 @@ class ChangingMarch:
     def _step_after(self, ahead: Ahead) -> Ahead:
         return self._next_step(ahead.after, (*ahead.passed, ahead.after.motion()) if self._seeks else ())
 
-    def _next_step(self, marcher: Marcher, passed: tuple[Motion, ...]) -> Ahead:
+    def _next_step(self, marcher: Legs, passed: tuple[Motion, ...]) -> Ahead:
         """Search the next step of a march, on copies; passed : the motion in those before it."""
         now = marcher.checkpoint()
         after = self._again(now, seek=True)
@@ -325,7 +319,7 @@ class ChangingMarch:
         start = marcher if after.met is None else self._again(now)
         return Ahead(start, after, end, self._impacts(start, after) if after.met is not None else [], passed)
 
-    def _impacts(self, start: Marcher, after: Marcher) -> list[Impact]:
+    def _impacts(self, start: Legs, after: Legs) -> list[Impact]:
         """Return the collisions in the step between two states of a march, in the order of time."""
         q, v = self._whole(start.state(), start.time), self._whole(after.state(), start.time)
 
@@ -333,7 +327,7 @@ class ChangingMarch:
             return self._whole(self._partial(start, time), start.time)
 
         massive = np.flatnonzero(self._present_massive())
-        step = Step(start.time, after.time, q, v, at, massive, start.parameters[: 1 + len(massive)])
+        step = Step(start.time, after.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
         assert self._collisions is not None
         if not start.clock.changes or self._massive.all():
             return impacts(step, self.bodies.radii, self._collisions.seeks, self.integrator.order)
@@ -341,12 +335,12 @@ class ChangingMarch:
             x[~self._massive] = np.nan
         found = impacts(step, self.bodies.radii, self._collisions.seeks, self.integrator.order)
         numbers = np.flatnonzero(self._there)
-        for particle in numbers[after.touching()].tolist():
+        for particle in numbers[after.home.observers.touching(after.home.loop.taken)].tolist():
             if self.bodies.present[particle]:
                 found += self._impacts_of(particle, start, after.time)
         return sorted(found, key=lambda x: (x.time * self.clock.direction, x.first, x.second))
 
-    def _impacts_of(self, particle: int, start: Marcher, end: float) -> list[Impact]:
+    def _impacts_of(self, particle: int, start: Legs, end: float) -> list[Impact]:
         """Return the collisions of a massless body in its own steps within one of the massive bodies, up to the first
         after which it does not go on as before.
         """
@@ -410,7 +404,8 @@ class ChangingMarch:
             numbers = np.cumsum(self._there) - 1
             for body in done.vanished:
                 for march in (self._marcher, start):
-                    march.retire(int(numbers[body]), IMPACT, start.step, impact.time, q[body], v[body])
+                    home = march.home
+                    home.losses.retire(home, int(numbers[body]), IMPACT, start.step, impact.time, q[body], v[body])
             return
         if self._seeks:
             left = self._left(self.bodies, impact.time)
@@ -459,7 +454,7 @@ class ChangingMarch:
         elif self._events.interrupts:
             self._events.follow(self.now)
 
-    def _begin_leg(self, start: Marcher, time: float, state: State) -> None:
+    def _begin_leg(self, start: Legs, time: float, state: State) -> None:
         """Go on from a changed state at a time in the step that begins where the march `start` is."""
         self.changed, self._ahead = True, None
         clock: Clock = self.clock
@@ -475,11 +470,11 @@ class ChangingMarch:
             lost.advance_to(Place(0, time))
         self._there, self._leg = self.bodies.present | ~self._massive, None
         self._marcher = self._made(state.q[self._there], state.v[self._there], clock, time)
-        self._marcher.follow(lost)
-        self._marcher.evaluations, self._marcher.particle_evaluations = old.evaluations, old.particle_evaluations
+        self._marcher.home.losses.go_on_from(self._marcher.home, lost.home)
+        self._marcher.home.stepper.take_counts(old.home.stepper)
         self._marcher.block = FIRST_BLOCK
         if self._grid < 0:
-            self._marcher.step = steps
+            self._marcher.home.times.step = steps
         old.close()
 
     def _reach_grid(self) -> None:
@@ -491,16 +486,17 @@ class ChangingMarch:
         self._grid = -1
         q, v = old.state()
         self._marcher = self._made(q, v, self.clock)
-        self._marcher.follow(old)
-        self._marcher.step, self._marcher.block = step, FIRST_BLOCK
+        self._marcher.home.losses.go_on_from(self._marcher.home, old.home)
+        self._marcher.home.stepper.take_counts(old.home.stepper)
+        self._marcher.home.times.step, self._marcher.block = step, FIRST_BLOCK
         old.close()
 
-    def _partial(self, start: Marcher, time: float) -> tuple[Array, Array]:
+    def _partial(self, start: Legs, time: float) -> tuple[Array, Array]:
         return start.state_at(Place(0, time)) if start.clock.changes else start.state_after(time - start.time)
 
     def _made(
         self, q: Array, v: Array, clock: Clock, time: float = 0.0, *, seek: bool = True, copy: bool = False
-    ) -> Marcher:
+    ) -> Legs:
         """Return a march of the bodies of this leg, of q and v (there, 3), from a time on.
 
         seek : whether it ends where bodies may touch; copy : whether it is a copy, for few steps, which is not closed
@@ -528,14 +524,14 @@ class ChangingMarch:
             made.restore(now)
         return made
 
-    def _again(self, checkpoint: Mapping[str, NDArray[Any]], seek: bool = False) -> Marcher:
+    def _again(self, checkpoint: Mapping[str, NDArray[Any]], seek: bool = False) -> Legs:
         """Return a march of this leg at one of its checkpoints, without a goal."""
         known = dict(checkpoint)
         if self.clock.changes:
             known["clock"] = known["clock"].copy()
             known["clock"][clocks.LIMIT] = np.copysign(clocks.FARTHEST, self.clock.direction)
         values, there = self.system.values, self._there
-        begun = 0.0 if self._grid < 0 else self._marcher.start
+        begun = 0.0 if self._grid < 0 else self._marcher.problem.start
         again = self._made(values.q[there], values.v[there], self._marcher.clock, begun, seek=seek, copy=True)
         again.restore(known)
         again.block = FIRST_BLOCK
@@ -603,11 +599,11 @@ class ChangingMarch:
         return 2 * len(self.system) if self._collisions is not None and self._collisions.only_merges else ROOM
 
 
-March = Marcher | ChangingMarch
+March = Legs | ChangingMarch
 """What marches a run."""
 
 
-def of_this_leg(march: March) -> Marcher:
+def of_this_leg(march: March) -> Legs:
     """Return the march of the bodies that are there now."""
     return march.current if isinstance(march, ChangingMarch) else march
 

@@ -27,7 +27,8 @@ from orbits.errors import (
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.constant import Place
-from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.legs import within_step
+from orbits.marching.legs.planet_excursions import PlanetExcursions
 from orbits.marching.watching.watcher import ENERGY
 from orbits.propagation.chain_of_legs import ChangingMarch, March, of_this_leg
 from orbits.propagation.checks import kepler_splitting, unresolved_passages
@@ -42,7 +43,7 @@ from orbits.propagation.events.base import Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Found, Seeking
-from orbits.propagation.results.passages_seen import Record, observed_until
+from orbits.propagation.results.passages_seen import observed_until
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore
 from orbits.system import System
@@ -260,8 +261,8 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
                 failure = error
         statistics = Statistics(
             steps=marcher.step,
-            evaluations=marcher.evaluations,
-            particle_evaluations=marcher.particle_evaluations,
+            evaluations=marcher.counts()[0],
+            particle_evaluations=marcher.counts()[1],
             wall_time=time.perf_counter() - compiled,
             compile_time=compiled - begun,
         )
@@ -280,13 +281,13 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     trajectory.span = 0.0, _reached(marcher, grid, complete, watch)
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
-    if isinstance(marcher, LeavingMarcher):
+    if isinstance(marcher, PlanetExcursions):
         trajectory._excursions = Excursions.of(system, grid.clock, *marcher.excursions())
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
     if isinstance(marcher, ChangingMarch) and marcher.changed:
         trajectory.kept = None  # steps are of the bodies of the start
     else:
-        trajectory.record = Record.of(of_this_leg(marcher), observed_until(trajectory))
+        trajectory.record = of_this_leg(marcher).record(observed_until(trajectory))
     yield None
     try:
         with StopRequest() as late:
@@ -532,7 +533,8 @@ def _sample(
             return False
     if marcher.clock.changes and watch.conditions.energy < np.inf:
         with suppress(IntegrationError):
-            end = of_this_leg(marcher).ended_at(grid.end)  # the last step of the march leads beyond the run
+            # The last step of the march leads beyond the run.
+            end = within_step.ended_at(of_this_leg(marcher).home, grid.end)
             if end.met == ENERGY:
                 watch.note(system, marcher, end.time, end.state(), *watch.conditions.exceeded())
     return True

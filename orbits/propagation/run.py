@@ -358,7 +358,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             events=seeking.described(),
             steps=room_for_steps(system, integrator, grid) if dense else 0,
             origin=how.origin,
-            approaches=of_this_leg(marcher).looks_for_approaches,
+            approaches=of_this_leg(marcher).problem.approaches,
             overwrite=how.overwrite,
         )
 

@@ -12,7 +12,7 @@ import numpy as np
 import orbits
 from benchmarks.problems import AU_KM, YEAR, belt, cluster, heyoka, ours, rebound, ten_bodies_data
 from benchmarks.references import ends, errors, rotated, rotations
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 
 
 def part_ten_bodies(repetitions: int) -> dict[str, Any]:

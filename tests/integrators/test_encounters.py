@@ -7,7 +7,7 @@ import orbits
 from orbits.kernels.search.record import DISTANCE2, DOMINANT, OTHER, PARTNER, SPEED2, TIME
 from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.marching.watching.watcher import ENERGY, SUSPECT
 
 from ..problems import belt
@@ -18,7 +18,7 @@ GAUSS = orbits.Gauss(stages=8)
 def marcher(gm, q, v, h, method=GAUSS, **options):
     gm = np.asarray(gm, dtype=float)
     massive = gm > 0
-    return Marcher(newtonian, method, parameters(gm[massive], 0.0), massive, np.array(q), np.array(v), h, **options)
+    return Leg.of(newtonian, method, parameters(gm[massive], 0.0), massive, np.array(q), np.array(v), h, **options)
 
 
 def approaches(run):

@@ -7,7 +7,7 @@ import orbits
 from orbits.elements import state_from_elements
 from orbits.kernels.search.record import MATE, ROW, STEP
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 METHODS = {
     "map": (orbits.WisdomHolman(kernel="standard", corrector=0), 0.1),
@@ -35,7 +35,7 @@ def test_every_passage_of_particles_within_the_reach_of_a_planet_is_listed(name,
     for seed in range(6):
         gm, q, v = around_a_planet(np.random.default_rng(seed))
         march, whole = (
-            Marcher(newtonian, method, parameters(gm[:2]), gm > 0, q, v, h, approaches=looks) for _ in range(2)
+            Leg.of(newtonian, method, parameters(gm[:2]), gm > 0, q, v, h, approaches=looks) for _ in range(2)
         )
         steps = round(6.0 / h)
         states = [march.state()]

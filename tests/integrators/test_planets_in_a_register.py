@@ -11,7 +11,7 @@ from orbits.kernels.maps.interaction import displace, interact, modify
 from orbits.kernels.maps.jacobi import advance_planets, finish_velocities, step_lazy, step_modified, step_plain
 from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
 
 
@@ -50,7 +50,7 @@ def crowded(count):
 
 
 def marcher(gm, q, v, h, *, looks=True, **options):
-    return Marcher(newtonian, orbits.WisdomHolman(**options), parameters(gm), gm > 0, q, v, h, approaches=looks)
+    return Leg.of(newtonian, orbits.WisdomHolman(**options), parameters(gm), gm > 0, q, v, h, approaches=looks)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 8])
@@ -111,7 +111,7 @@ def test_planets_in_two_registers_have_the_same_bits_with_particles_and_without(
     gm, q, v = crowded(12)
     alone = marcher(gm, q, v, 0.05, kernel=kick)
     far = np.array([[30.0, 0.0, 0.0]]), np.array([[0.0, 0.2, 0.0]])
-    among = Marcher(
+    among = Leg.of(
         newtonian, orbits.WisdomHolman(kernel=kick), parameters(gm), np.arange(14) < 13, np.vstack([q, far[0]]),
         np.vstack([v, far[1]]), 0.05,
     )  # fmt: skip

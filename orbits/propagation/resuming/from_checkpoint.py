@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from orbits.errors import ArchiveError
-from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.legs.planet_excursions import PlanetExcursions
 from orbits.propagation.chain_of_legs import ChangingMarch, March, march_of_run
 from orbits.propagation.events.base import Sample, Sought
 from orbits.propagation.events.from_archive import sought_again
@@ -72,7 +72,7 @@ def _check_place(marcher: March, grid: TimeGrid, committed: int, path: str | Pat
         return
     steps = grid.steps
     # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
-    away = isinstance(marcher, LeavingMarcher) and marcher.is_away
+    away = isinstance(marcher, PlanetExcursions) and marcher.is_away
     last = int(steps[committed - 1]) if committed and not away else 0
     if not last <= marcher.step <= int(steps[committed]):
         raise ArchiveError(
