@@ -23,7 +23,7 @@ def marcher(gm, q, v, h, method=GAUSS, **options):
 
 def approaches(run):
     """(4, 2, rows): distance, time, speed and partner, with rows in the kernels' order."""
-    out = run.checkpoint()["approaches"][:, :, : len(run._massive) + len(run._particles)].copy()
+    out = run.checkpoint()["approaches"][:, :, : len(run.problem.massive)].copy()
     out[DISTANCE2], out[SPEED2] = np.sqrt(out[DISTANCE2]), np.sqrt(out[SPEED2])
     out[TIME] *= run.clock.h
     return out

@@ -81,7 +81,7 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
     for count in (20, 37, 93, 100):
         other.advance(count)
         other.state_after(0.3 * h)
-        away |= set(np.flatnonzero(other._state["particle_memory"][:, 0, NUMBER] == ELSEWHERE))
+        away |= set(np.flatnonzero(other.stepper.state["particle_memory"][:, 0, NUMBER] == ELSEWHERE))
         saved = other.checkpoint()
         other = marcher(FOLLOW, gm[order], q[order], v[order], h)
         other.restore(saved)

@@ -9,6 +9,7 @@ from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.kernels.search.stopping import FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.following.retirement import retirements
+from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import Leg
 
 
@@ -65,7 +66,7 @@ def test_a_retired_particle_is_far_from_all_bodies_for_good():
 def test_a_part_of_a_step_goes_on_without_a_retired_particle():
     run = struck()
     run.advance(10)
-    part = run.part_of_a_step(0.01)
+    part = within_step.ended_at(run, run.time + 0.01)
     # It begins at the state rounded to float64: one rounding of numbers below 8.
     np.testing.assert_allclose(part.state()[0], run.state_after(0.01)[0], rtol=0, atol=2**-50)
     assert np.isnan(part.state()[0][2]).all()

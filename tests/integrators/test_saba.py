@@ -107,8 +107,8 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(count):
     gm, q, v, _ = solar_system(count)
     run = Leg.of(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 6.0)
     run.advance(3)
-    planets = run._state["memory"]
-    room = run._loops._scratch[: -len(planets)]
+    planets = run.stepper.state["memory"]
+    room = run.stepper.loops._scratch[: -len(planets)]
     other, its_room = planets.copy(), room.copy()
     stages = DEFAULT.second_order.coefficients(6.0, 6.0)[2:]
     for _ in range(10):

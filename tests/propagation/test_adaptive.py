@@ -307,8 +307,8 @@ def test_a_callback_ends_a_run_at_its_sample():
 def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
     marcher = bound(system(*three_bodies()), "gauss", orbits.Adaptive(), 1)
     calls = []
-    march = marcher._loops.march
-    monkeypatch.setattr(marcher._loops, "march", lambda *a: calls.append(1) or march(*a))
+    march = marcher.stepper.loops.march
+    monkeypatch.setattr(marcher.stepper.loops, "march", lambda *a: calls.append(1) or march(*a))
     for time in np.linspace(0.0, 1.0, 1001):
         marcher.advance_to(Place(0, float(time)))
     assert len(calls) <= 2 * marcher.step + 2
