@@ -51,7 +51,7 @@ class Problem:
             seconds = min(seconds, time.perf_counter() - begun)
         error = np.max(np.abs(run.state()[0] - self.end) / np.max(np.abs(self.end), axis=1, keepdims=True))
         stages = 8 * math.ceil(method.stages / 8) if isinstance(method, orbits.Gauss) else 1
-        return float(error), run.counts()[0] * stages, seconds
+        return float(error), run.stepper.counts()[0] * stages, seconds
 
 
 def kepler() -> Problem:

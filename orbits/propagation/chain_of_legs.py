@@ -22,6 +22,8 @@ from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps, Place
 from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs.leg import Leg
+from orbits.marching.legs.march import March
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.impact import Impact, Step, impacts
@@ -61,15 +63,12 @@ class Ahead(NamedTuple):
     passed: tuple[Motion, ...] = ()
 
 
-class ChangingMarch:
+class ChangingMarch(March):
     """A march of a system whose bodies collide, with the interface of `Leg` that runs need.
 
     system : at the start; events : of the run, where collisions are listed; approaches : as in `propagate`
 
     rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
-    found : the event that interrupts the march before the next collision, or None
-    ended : the row of the collision that ended the march, and the bodies there, or None
-    changed : whether a leg of other masses or velocities has begun
     """
 
     def __init__(
@@ -88,7 +87,6 @@ class ChangingMarch:
         self.rows: Array = no_changes()
         self.ended: tuple[Array, State] | None = None
         self.found: Found | None = None
-        self.changed = False
         self._work = np.zeros((len(system.forces), 7))
         self._steps = 0  # of earlier legs, in archives of versions that counted those of each leg
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
@@ -122,13 +120,10 @@ class ChangingMarch:
         """The reading of the clock: whole steps, or the time."""
         return self.time if self.clock.changes else self.step
 
-    def counts(self) -> tuple[int, int]:
-        """Return the numbers of evaluations; see `Leg`."""
-        return self._marcher.counts()
-
     @property
-    def met(self) -> None:
-        """None: conditions that end a run are not tested together with collisions that act."""
+    def home(self) -> Leg:
+        """The current leg, or the one whose clock it has."""
+        return self._marcher.home
 
     def changes(self) -> Changes:
         """Return the changes so far."""
@@ -165,10 +160,6 @@ class ChangingMarch:
         if self._grid < 0:
             return self._whole(self._marcher.state_at(place), time)
         return self._whole(self._marcher.state_after(time - self._marcher.time), time)
-
-    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
-        """Return (q, v) at the first of these times, up to which the march has advanced."""
-        return [self.state_at(self.clock.place(float(times[0])))]
 
     def compile(self) -> None:
         """Compile, or load from the cache, all that `approach` needs."""
@@ -295,11 +286,6 @@ class ChangingMarch:
         """Go on with whole steps, once the part of a step with which a leg began is done."""
         if self._grid >= 0 and self._marcher.step:
             self._reach_grid()
-
-    def advance_to(self, place: Place) -> None:
-        """March on by all whole steps and collisions before a place. Raises what `advance` raises."""
-        while self.is_before(place):
-            self.approach(place)
 
     def _steps_before(self, place: Place) -> bool:
         return place.steps > self._grid if self._grid >= 0 else self._marcher.is_before(place)
@@ -597,15 +583,6 @@ class ChangingMarch:
 
     def _room(self) -> int:
         return 2 * len(self.system) if self._collisions is not None and self._collisions.only_merges else ROOM
-
-
-March = Legs | ChangingMarch
-"""What marches a run."""
-
-
-def of_this_leg(march: March) -> Legs:
-    """Return the march of the bodies that are there now."""
-    return march.current if isinstance(march, ChangingMarch) else march
 
 
 def march_of_run(

@@ -110,9 +110,9 @@ def _forces(system: orbits.System, repetitions: int) -> list[dict[str, Any]]:
     for _ in range(CHUNKS * repetitions):
         for name, run in marches.items():
             least[name, "force"] = min(least[name, "force"], _timed(evaluate[name], FORCES) / FORCES)
-            before = run.counts()[0]
+            before = run.stepper.counts()[0]
             seconds = _timed(run.advance, STEPS)
-            sweeps[name].append(run.counts()[0] - before)
+            sweeps[name].append(run.stepper.counts()[0] - before)
             least[name, "march"] = min(least[name, "march"], seconds / sweeps[name][-1])
     for run in marches.values():
         run.close()

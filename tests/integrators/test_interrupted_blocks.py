@@ -33,6 +33,6 @@ def test_a_march_that_was_interrupted_goes_on_to_the_same_bits(threads):
     run.advance(20)
     for a, b in zip(whole.state(), run.state(), strict=True):
         assert np.array_equal(a, b)
-    assert whole.counts() == run.counts()
+    assert whole.stepper.counts() == run.stepper.counts()
     whole.close()
     run.close()

@@ -11,6 +11,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.following.retirement import retirements
 from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import Leg
+from orbits.marching.legs.record import approaches
 
 
 def collapse(*, retire):
@@ -60,7 +61,7 @@ def test_a_retired_particle_meets_no_condition():
 def test_a_retired_particle_is_far_from_all_bodies_for_good():
     run = struck()
     run.advance(150)
-    assert np.isinf(run.approaches()[0, :, 2]).all()
+    assert np.isinf(approaches(run)[0, :, 2]).all()
 
 
 def test_a_part_of_a_step_goes_on_without_a_retired_particle():

@@ -9,9 +9,9 @@ beginning, up to that step.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,17 +27,15 @@ from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.legs.interruptions import LegWatcher
 from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals
+from orbits.marching.legs.march import March
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, record
-from orbits.marching.legs.step_keeping import StepKeeper, steps_apart
 from orbits.marching.legs.stepper import State, Stepper
 from orbits.marching.legs.ways import way_of
 from orbits.marching.stepping.motion import Motion
 from orbits.marching.watching.passage_list import PassageList
 from orbits.marching.watching.watcher import Watcher, empty_record, limits_of
-
-T = TypeVar("T")
 
 
 def available_threads() -> int:
@@ -45,7 +43,7 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class Leg:
+class Leg(March):
     """A march of fixed bodies: floats in, floats out.
 
     problem : what is marched, and what is asked for along the way
@@ -95,9 +93,9 @@ class Leg:
             whole_path=problem.dense or problem.integrator.follows_meetings,
         )
         self.observers.given = form.held(problem.parameters) == len(gm)
-        passages = PassageList(problem.gm, self.dominant, limits[0], self.clock)
+        passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
         self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
-        self.losses = ParticleLosses(self, q, surfaces, self.dominant)
+        self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
         self.bounds = Bounds()
         some = encounters, self.losses if m else None, Refusals() if problem.integrator.refuses_meetings else None
         self.loop = BlockLoop(self, [watcher for watcher in (*some, self.listing, self.bounds) if watcher is not None])
@@ -144,19 +142,10 @@ class Leg:
     def met(self, why: int | None) -> None:
         self.bounds.met = why
 
-    def counts(self) -> tuple[int, int]:
-        """Return the numbers of evaluations: of the forces among massive bodies, of the field at massless particles."""
-        return self.stepper.counts()
-
     @property
     def home(self) -> Leg:
         """The leg whose clock the march has: itself."""
         return self
-
-    @property
-    def dominant(self) -> int:
-        """The row, in the kernels' order, of the body that dominates the others, or -1."""
-        return self.observers.dominant
 
     def is_before(self, place: Place) -> bool:
         """Return whether there may be whole steps left before a place."""
@@ -174,11 +163,6 @@ class Leg:
             self.bounds.passes = False
         if self.bounds.met is None:
             self.bounds.relax()
-
-    def advance_to(self, place: Place) -> None:
-        """March on by all whole steps before a place, which must lie ahead. Raises what `advance` raises."""
-        while self.is_before(place):
-            self.approach(place)
 
     def advance(self, steps: int) -> None:
         """March on by `steps` >= 0 steps, or by those before the place that it approaches.
@@ -204,28 +188,17 @@ class Leg:
         """Take the next step whatever pairs come to their bounds in it."""
         self.bounds.passes = True
 
-    def keep_steps(
-        self, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
-    ) -> None:
-        """Pass on the states after each block; see `StepKeeper`."""
-        apart = steps_apart(self.problem.integrator, np.asarray(self.problem.massive))
-        self.loop.listeners.append(StepKeeper(apart, keep, take_back))
-
     # ------------------------------------------------------------------------------------------- what it shows
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self.losses.retired.begin()
         self.shown = self.stepper.state
-        return self.gathered(self.as_seen())
+        return self.stepper.gather(self.as_seen(), self.losses.retired.gone())
 
     def as_seen(self, particles: NDArray[np.intp] | None = None) -> State:
         """Return the state as it is seen, see `Stepper.as_seen`."""
         return self.stepper.as_seen(self.losses.retired.block, particles)
-
-    def gathered(self, state: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Return (q, v) of a state in the order of the caller; NaN for the particles that are gone."""
-        return self.stepper.gather(state, self.losses.retired.gone())
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the leg has advanced; see `within_step.state_at`."""
@@ -251,15 +224,6 @@ class Leg:
         """Return (q, v) at the first of these times, and at others before the next step; see `within_step`."""
         return within_step.states_before_next(self, times)
 
-    def after_next_step(self, read: Callable[[], T]) -> T:
-        """Return what a function returns after the next step; the leg does not change."""
-        return within_step.after_next_step(self, read)
-
-    @property
-    def tells_motion(self) -> bool:
-        """Whether the motion within steps can be told: of any method, but not of thousands of bodies on threads."""
-        return self.stepper.loops.parallel is None
-
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a leg with `dense`."""
         count, loops = self.loop.taken, self.stepper.loops
@@ -276,18 +240,6 @@ class Leg:
     def record(self, end: float) -> Record:
         """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
         return record(self, end)
-
-    def approaches(self) -> Array:
-        """Return the closest approaches so far, (4, 2, rows + padding), in a leg that looks for them; see
-        `orbits.kernels.search.record`.
-        """
-        retired, state = self.losses.retired, self.stepper.state
-        retired.begin()
-        q = state["particle_q"].copy()
-        q[:, : len(self.problem.particles)][:, retired.gone()] = np.nan
-        seen = {**state, "particle_q": q}
-        now, first = self.times.origin_now, state["approaches"]
-        return self.observers.approaches(first, self.step, now, self.stepper.loops.tracks[0], seen)
 
     # ----------------------------------------------------------------------------------------- checkpoints, end
 

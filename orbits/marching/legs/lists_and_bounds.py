@@ -69,8 +69,8 @@ class Refusals(LegWatcher):
     def see(self, leg: Leg, block: Block) -> None:
         """Look at the passages of massive bodies in a block."""
         if leg.listing.is_complete:
-            gm = leg.problem.gm[: len(leg.problem.bodies)]
-            self._meeting = kepler_passages.first_meeting(leg.observers.lists[0], gm, leg.dominant, block.begun)
+            gm, observers = leg.problem.gm[: len(leg.problem.bodies)], leg.observers
+            self._meeting = kepler_passages.first_meeting(observers.lists[0], gm, observers.dominant, block.begun)
 
     def look(self, leg: Leg, count: int) -> Interruption | None:
         """Return before which step two bodies meet."""

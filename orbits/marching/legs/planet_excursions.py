@@ -12,9 +12,9 @@ return depends on the direction.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +30,12 @@ from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.following.retirement import Lost, Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import Leg
+from orbits.marching.legs.march import March
 from orbits.marching.legs.particle_losses import close_to_planets
 from orbits.marching.legs.planet_encounters import NOBODY, Clears, Encounter, Leaves, Rules, returns
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, joined, seen_by
 from orbits.marching.stepping.motion import Motion
-
-T = TypeVar("T")
 
 FIRST_BLOCK = 8
 """The steps of the first block after all bodies left or entered the map; each is followed by one twice as long."""
@@ -58,7 +57,7 @@ POSITIONS = tuple(f"{whose}{x}" for whose in ("", "particle_") for x in ("q", "q
 """The arrays of positions and velocities, which both legs have."""
 
 
-class PlanetExcursions:
+class PlanetExcursions(March):
     """A march of constant steps by a map on Kepler orbits, which all bodies leave for encounters of massive ones.
 
     It has the interface of a `Leg`, and is two of them: what it shows is that of the leg of chosen steps while all
@@ -84,7 +83,7 @@ class PlanetExcursions:
                 f"possible so far with '{problem.lagrangian.name}'. Use planets='warn' or 'refuse', or Gauss(stages=8) "
                 "with dt=..."
             ) from error
-        self._rules = leaves.rules = clears.rules = Rules(problem, self._map.dominant)
+        self._rules = leaves.rules = clears.rules = Rules(problem, self._map.observers.dominant)
         fresh = ("memory", "particle_memory", "particle_clock", "clock")
         state = self._own.stepper.state
         self._fresh = {name: state[name].copy() for name in fresh if name in state}
@@ -98,7 +97,7 @@ class PlanetExcursions:
     # ----------------------------------------------------------------------------------------- what it shows
 
     @property
-    def current(self) -> Leg:
+    def _leg(self) -> Leg:
         """The leg of the map, or of chosen steps."""
         return self._own if self._away else self._map
 
@@ -117,7 +116,7 @@ class PlanetExcursions:
         """Whether all bodies take chosen steps now."""
         return self._away
 
-    def excursions(self) -> tuple[NDArray[np.int64], int]:
+    def excursions(self) -> tuple[NDArray[np.int64], int] | None:
         """Return the excursions from the map that are listed, see `LEFT`, and how many there were."""
         return np.array(self._excursions, dtype=np.int64).reshape(-1, 4), self._count
 
@@ -129,7 +128,7 @@ class PlanetExcursions:
     @property
     def time(self) -> float:
         """The time reached, since the start of the run."""
-        return self.current.time
+        return self._leg.time
 
     @property
     def reading(self) -> float:
@@ -142,7 +141,7 @@ class PlanetExcursions:
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, at the time reached."""
-        return self.current.state()
+        return self._leg.state()
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) after a partial step of `offset`; all bodies leave the map here, if its step is one of an
@@ -150,16 +149,12 @@ class PlanetExcursions:
         """
         if not self._away and offset != 0.0:
             self._settle(Place(self.step, offset))
-        return self.current.state_after(offset)
+        return self._leg.state_after(offset)
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced."""
         self._settle(place)
         return self._own.state_at(self._goal(place)) if self._away else self._map.state_at(place)
-
-    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
-        """Return (q, v) at the first of these times, up to which the march has advanced."""
-        return [self.state_at(self.clock.place(float(times[0])))]
 
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block."""
@@ -167,15 +162,11 @@ class PlanetExcursions:
 
     def towards(self, time: float) -> tuple[Leg, Place]:
         """Return a leg of the massive bodies that ends at a time less than a step ahead; see `within_step`."""
-        return within_step.towards(self.current, time)
+        return within_step.towards(self._leg, time)
 
     def accounts(self) -> Array:
         """Return what is known of each force: there is none in a map."""
         return self._map.accounts()
-
-    def counts(self) -> tuple[int, int]:
-        """Return the numbers of evaluations; see `Leg`."""
-        return self._map.counts()
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
@@ -248,11 +239,6 @@ class PlanetExcursions:
         elif self.step < place.steps:
             self._approach_by_map(place)
 
-    def advance_to(self, place: Place) -> None:
-        """March on by all steps before a place. Raises ConvergenceError or SingularityError."""
-        while self.is_before(place):
-            self.approach(place)
-
     def advance(self, steps: int) -> None:
         """March on to `steps` whole steps from here, or by those before it, if all bodies are away there."""
         place = Place(self.step + steps, 0.0)
@@ -287,16 +273,7 @@ class PlanetExcursions:
 
     def pass_by(self) -> None:
         """Take the next step whatever pairs come to their bounds in it."""
-        self.current.pass_by()
-
-    def after_next_step(self, read: Callable[[], T]) -> T:
-        """Return what a function returns after the next step; the march does not change."""
-        return within_step.after_next_step(self, read)
-
-    @property
-    def tells_motion(self) -> bool:
-        """Whether the motion within steps can be told."""
-        return self._map.tells_motion
+        self._leg.pass_by()
 
     @property
     def block(self) -> int:
@@ -306,10 +283,6 @@ class PlanetExcursions:
     @block.setter
     def block(self, most: int) -> None:
         self._map.block = most
-
-    def keep_steps(self, *functions: Callable[..., None]) -> None:
-        """Pass on the states after the blocks of the map; see `Leg.keep_steps`."""
-        self._map.keep_steps(*functions)
 
     def _settle(self, place: Place) -> None:
         """Let all bodies leave or enter the map, if the way to a place begins with that."""
@@ -431,7 +404,7 @@ class PlanetExcursions:
         """Return the particles within the reach of a planet."""
         n, m, state = len(self.problem.bodies), len(self.problem.particles), self._map.stepper.state
         bodies = state["q"][: 3 * n].reshape(3, n).T
-        return close_to_planets(state["particle_q"][:, :m].T, bodies, self.problem.gm[:n], self._map.dominant)
+        return close_to_planets(state["particle_q"][:, :m].T, bodies, self.problem.gm[:n], self._map.observers.dominant)
 
     # ------------------------------------------------------------------------------------------------- checkpoints
 

@@ -33,13 +33,25 @@ class Record(NamedTuple):
     end: float
 
 
+def approaches(leg: Leg) -> Array:
+    """Return the closest approaches so far, (4, 2, rows + padding), of a leg that looks for them; see
+    `orbits.kernels.search.record`.
+    """
+    retired, state = leg.losses.retired, leg.stepper.state
+    retired.begin()
+    q = state["particle_q"].copy()
+    q[:, : len(leg.problem.particles)][:, retired.gone()] = np.nan
+    known, track, seen = state["approaches"], leg.stepper.loops.tracks[0], {**state, "particle_q": q}
+    return leg.observers.approaches(known, leg.step, leg.times.origin_now, track, seen)
+
+
 def seen_by(leg: Leg, *, noting_end: bool = True) -> Record:
     """Return the record of a leg up to where it is; noting_end : whether with the distances there."""
     closest = None
     if leg.problem.approaches:
-        closest = leg.approaches() if noting_end else leg.stepper.state["approaches"].copy()
+        closest = approaches(leg) if noting_end else leg.stepper.state["approaches"].copy()
     listed, reaches = leg.listing.passages, leg.observers.listed_within[: len(leg.problem.bodies)].copy()
-    return Record(closest, listed.passages, listed.left_out, leg.dominant, reaches, leg.reading)
+    return Record(closest, listed.passages, listed.left_out, leg.observers.dominant, reaches, leg.reading)
 
 
 def record(leg: Leg, end: float) -> Record:

@@ -28,6 +28,14 @@ def steps_apart(integrator: Integrator, massive: NDArray[np.bool_]) -> int:
     return 1 if massive.all() and not integrator.follows_kepler else APART
 
 
+def keep_steps(
+    leg: Leg, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
+) -> None:
+    """Let a leg pass on its states after each block; see `StepKeeper`."""
+    apart = steps_apart(leg.problem.integrator, np.asarray(leg.problem.massive))
+    leg.loop.listeners.append(StepKeeper(apart, keep, take_back))
+
+
 class StepKeeper(LegWatcher):
     """Passes on the states at the ends of all steps of a leg, or of every `APART`-th; see `steps_apart`.
 

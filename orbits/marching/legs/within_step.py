@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,9 +14,7 @@ from orbits.marching.legs.problem import Problem
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
-    from orbits.marching.legs.planet_excursions import PlanetExcursions
 
-T = TypeVar("T")
 States = tuple[Array, Array]
 
 
@@ -43,7 +40,7 @@ def state_at(leg: Leg, place: Place) -> States:
         stepper.evaluations, stepper.particle_evaluations = counts
     if stepper.form.transforms:
         stepper.loops.leave(copy, part.clock, retired.block)
-    return leg.gathered(copy)
+    return stepper.gather(copy, retired.gone())
 
 
 def states_before_next(leg: Leg, times: Array) -> list[States]:
@@ -103,21 +100,6 @@ def towards(leg: Leg, time: float) -> tuple[Leg, Place]:
         end.stepper.state[name][...] = leg.stepper.state[name]
     end.times.end_exactly()
     return end, way.place
-
-
-def after_next_step(march: Leg | PlanetExcursions, read: Callable[[], T]) -> T:
-    """Return what a function returns after the next step of a march, which does not change. Raises what `Leg.advance`
-    raises.
-    """
-    loop, kept, block = march.home.loop, march.checkpoint(), march.block
-    listeners, loop.listeners = loop.listeners, []
-    try:
-        march.pass_by()
-        march.approach(march.home.times.next_place())
-        return read()
-    finally:
-        march.restore(kept)
-        march.block, loop.listeners, march.met = block, listeners, None
 
 
 def retired_by(leg: Leg, time: float) -> list[Retirement]:

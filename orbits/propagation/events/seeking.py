@@ -232,7 +232,7 @@ class Seeking:
 
     def check(self, marcher: Legs) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
-        if self and not marcher.tells_motion:
+        if self and marcher.home.stepper.loops.parallel is not None:
             raise InputError(
                 f"events are sought on the motion within steps, which is not recorded for the {len(self._system):,} "
                 "bodies of this run on several threads; use threads=1, or leave out events=..."

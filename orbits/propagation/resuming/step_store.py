@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, InputError, StorageError
 from orbits.integrators.base import Integrator
-from orbits.marching.legs.step_keeping import steps_apart
+from orbits.marching.legs.step_keeping import keep_steps, steps_apart
 from orbits.marching.stepping.kept_steps import PIECE_BYTES, StepsInMemory
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.time_grid import TimeGrid, dynamical_time
@@ -42,7 +42,7 @@ class StepStore:
         self.kept, self._in_memory = StepsInMemory(len(q)), in_memory
         if fresh:
             self.kept.add(np.zeros((1, 2)), q[None], v[None])
-        marcher.keep_steps(self._add, self.kept.take_back)
+        keep_steps(marcher.home, self._add, self.kept.take_back)
 
     def _add(self, times: Array, q: Array, v: Array) -> None:
         if self._in_memory and self.kept.nbytes + q.nbytes + v.nbytes > MEMORY_SHARE * memory():
