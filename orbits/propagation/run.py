@@ -16,7 +16,6 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.propagation.chain_of_legs import march_of_run
 from orbits.propagation.checks.before_the_start import check_before_start, check_bodies, check_span
 from orbits.propagation.checks.precision import check_length
 from orbits.propagation.checks.rigid_runs import check_rigid, default_method, is_rigid
@@ -26,6 +25,7 @@ from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, Run, RunEnds, march
+from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import differences, provenance
 from orbits.propagation.results.error_estimate import error_bars
 from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up

@@ -10,10 +10,10 @@ import numpy as np
 
 from orbits.errors import ArchiveError
 from orbits.marching.legs.march import March
-from orbits.propagation.chain_of_legs import march_of_run
 from orbits.propagation.events.base import Sample, Sought
 from orbits.propagation.events.from_archive import sought_again
 from orbits.propagation.events.seeking import Seeking
+from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import restore
 from orbits.propagation.resuming.sample_store import accounts_in
 from orbits.system.model import most_inner
