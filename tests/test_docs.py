@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 import typer
-from astropy import units as u
 from typer.testing import CliRunner
 
 import orbits
