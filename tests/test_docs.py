@@ -58,11 +58,6 @@ def commands(page):
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=name)
 def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    if page.name == "archive.md":  # it reads runs that its reader has made
-        system = orbits.System.solar_system(bodies=["Sun", "Jupiter", "Saturn"])
-        for path in ("run.h5", "dense.h5"):
-            dense = path == "dense.h5"
-            orbits.propagate(system, orbits.Gauss(stages=8), dt=50, duration=4000, archive=path, dense=dense)
     save_files(page, tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # where a script finds the files beside it
     names = {"__name__": "page"}

@@ -2,9 +2,9 @@
 
     python docs/_ext/markdown_pages.py          # writes what has changed
 
-A page that people write has a place for it, between `<!-- generated: NAME -->` and `<!-- end -->`; the API has a page for
-each module, in docs/api/. A test holds all of them up to date. The site shows the same from the same sources, with links
-to its own pages: see `registry_tables`.
+A page that people write has a place for it, between `<!-- generated: NAME -->` and `<!-- end -->`; the API has a page
+for each module, in docs/api/. A test holds all of them up to date. The site shows the same from the same sources, with
+links to its own pages: see `registry_tables`.
 """
 
 from __future__ import annotations
