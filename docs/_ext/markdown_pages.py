@@ -100,7 +100,8 @@ def command_line() -> str:
     for name, command in typer.main.get_command(app).commands.items():
         context = command.make_context(name, [], resilient_parsing=True)
         said, *examples = command.help.split("Example: ")
-        made += [f"## orbits {name}", "", said.strip(), "", "```sh", *(line.strip() for line in examples), "```"]
+        typed = [line.strip().replace(", or with", "  # or with") for line in examples]  # a comment, not an argument
+        made += [f"## orbits {name}", "", said.strip(), "", "```sh", *typed, "```"]
         made += ["", "| | |", "| --- | --- |"]
         for parameter in command.params:
             form, *text = parameter.get_help_record(context) or ["", ""]
