@@ -65,6 +65,12 @@ def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
         exec(compile(code, f"{page.name}, block {number}", "exec"), names)
 
 
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=name)
+def test_a_page_whose_blocks_need_earlier_ones_says_so(page):
+    alone = all(re.search("^(import|from) orbits", code, re.MULTILINE) for code in blocks(page))
+    assert alone or re.search(r"build\s+on\s+each\s+other|in\s+this\s+order", text_of(page))
+
+
 @pytest.mark.parametrize(
     "page", [p for p in PAGES if commands(p) and (p.parent.name == "tutorials" or p.stem == "extending")], ids=name
 )
