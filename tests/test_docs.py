@@ -106,6 +106,11 @@ def headings(page):
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
 
 
+def test_the_citation_is_of_this_version():
+    assert f"\nversion: {orbits.__version__}\n" in text_of(ROOT / "CITATION.cff")
+    assert f"Version {orbits.__version__}." in text_of(ROOT / "docs" / "citing.md")
+
+
 def test_tables_written_by_hand_have_all_that_is_registered():
     methods, lagrangians, scenarios = (
         text_of(ROOT / "docs" / f"{page}.md") for page in ("guide/running", "lagrangians", "scenarios")
