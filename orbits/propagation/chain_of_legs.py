@@ -132,7 +132,7 @@ class ChangingMarch(March):
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced, without changing the march."""
         self._settle()
-        time = self._time_of(place)
+        time = self.clock.time_at(place)
         if self._grid < 0:
             return self._of.whole(self._marcher.state_at(place), time)
         return self._of.whole(self._marcher.state_after(time - self._marcher.time), time)
@@ -156,7 +156,7 @@ class ChangingMarch(March):
             return True
         if self._collisions is None:
             return False
-        time, direction = self._time_of(place), self.clock.direction
+        time, direction = self.clock.time_at(place), self.clock.direction
         if not (time - self._marcher.time) * direction > 0.0:
             return False
         if self._ahead is None or (self._ahead.end - time) * direction <= 0.0:
@@ -168,7 +168,7 @@ class ChangingMarch(March):
         if self._steps_before(place):
             self._march(place)
             return
-        time, direction = self._time_of(place), self.clock.direction
+        time, direction = self.clock.time_at(place), self.clock.direction
         if self._ahead is None or (self._ahead.end - time) * direction <= 0.0:
             # Several steps, if they become shorter than the one that the clock tried and did not take.
             ahead, search = self._ahead, self._search
@@ -266,9 +266,6 @@ class ChangingMarch(March):
 
     def _steps_before(self, place: Place) -> bool:
         return place.steps > self._grid if self._grid >= 0 else self._marcher.is_before(place)
-
-    def _time_of(self, place: Place) -> float:
-        return place.rest if self.clock.changes else float(self.clock.time(place.steps)) + place.rest
 
     def _is_known(self, impact: Impact) -> bool:
         """Return whether a collision is listed already, or a body of it is gone."""

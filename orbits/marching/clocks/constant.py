@@ -116,6 +116,10 @@ class Clock:
         """Return the place of a time in a march."""
         raise NotImplementedError
 
+    def time_at(self, place: Place) -> float:
+        """Return the time, since the start of the run, of a place: of no whole steps its rest."""
+        return float(self.time(place.steps)) + place.rest
+
 
 class StepTimes:
     """When the steps of one leg are: all that its loop has to know of its clock.
@@ -209,6 +213,10 @@ class StepTimes:
 
     def ahead(self, offset: float) -> Place:
         """Return the place of a time after the one reached."""
+        raise NotImplementedError
+
+    def place_of(self, time: float) -> Place:
+        """Return the place of a time less than a step ahead."""
         raise NotImplementedError
 
     def next_place(self) -> Place:
@@ -406,6 +414,10 @@ class GridTimes(StepTimes):
     def ahead(self, offset: float) -> Place:
         """Return the place of a time after the one reached."""
         return Place(self.step, offset)
+
+    def place_of(self, time: float) -> Place:
+        """Return the place of a time less than a step ahead."""
+        return Place(self.step, time - self.time)
 
     def next_place(self) -> Place:
         """Return the place at the end of the next step."""

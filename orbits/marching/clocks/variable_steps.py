@@ -237,6 +237,10 @@ class ChosenTimes(StepTimes):
         """Return the place of a time after the one reached."""
         return Place(0, self.time + offset)
 
+    def place_of(self, time: float) -> Place:
+        """Return the place of a time less than a step ahead."""
+        return Place(0, time)
+
     def next_place(self) -> Place:
         """Return a place that no step reaches."""
         return Place(0, math.inf * self.clock.direction)
