@@ -21,19 +21,26 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.kepler.flow import kepler_increments
-from orbits.kernels.lanes import WIDTH, full, load, store
-from orbits.kernels.maps.heliocentric import (
-    drift_heliocentric,
-    enter_heliocentric,
-    kick_heliocentric,
-    prepare_heliocentric,
+from orbits.kernels.lanes import full, load, store
+from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, kick_planets
+from orbits.kernels.maps.layout import body_of, coordinate, copy_planets, dominant
+from orbits.kernels.maps.programs import (
+    DRIFT,
+    FLOW,
+    KIND,
+    LAZY,
+    LENGTH,
+    MODIFIED,
+    SHIFT,
+    STANDARD,
+    programs_of,
 )
-from orbits.kernels.maps.interaction import STATE_ROWS, displace, interact, modify
-from orbits.kernels.maps.jacobi import enter_planets, finish_velocities, kick_planets, move_planets, prepare_room
-from orbits.kernels.maps.stages import DRIFT, FLOW, HELIOCENTRIC_DRIFT, HELIOCENTRIC_KICK, LAZY, MODIFIED, STANDARD
-from orbits.kernels.maps.terms_of_dominant import flow, kick_more, strength_of, to_momenta, to_velocities
-from orbits.kernels.steps import Method, Model, Share, State, Storage, begin, enter, leave, step
+from orbits.kernels.maps.stages import enter_coordinates, is_heliocentric, leave_coordinates, prepare, take
+from orbits.kernels.maps.terms_by_kind import strength_of
+from orbits.kernels.maps.terms_of_dominant import change_variables
+from orbits.kernels.steps import Method, Model, Share, State, Storage, begin, step
 from orbits.kernels.sums.summation import add_product
 from orbits.kernels.tangents.of_heliocentric_kicks import (
     from_heliocentric,
@@ -81,205 +88,161 @@ class VectorRoom(NamedTuple):
 
 @kernel
 def follow_map(
-    form, coefficients, tag, parameters, t, h, q, q_lo, p, p_lo, carry, scratch, stages, steps, program, shift, scale,
-    vectors, growth, room
+    form, coefficients, tag, parameters, t, h, q, q_lo, p, p_lo, carry, scratch, stages, steps, scale, vectors, growth,
+    room,
 ):  # fmt: skip
     """March the map by `steps` steps from time t, and tangent vectors with it.
 
-    program : the stages of a step, (s, 2); shift : h^2/12, of modified and lazy kicks
     scale : the unit of time in which velocities count in |x|
     vectors : (groups, 4, 3 (n + 1), 8); growth : (groups, 5, 8), see `orbits.kernels.tangents.through_stages`, or none
     The other arguments are those of `orbits.marching.stepping.driver.march`.
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    count = strength_of(model).shape[0] - 2
-    storage = Storage(carry, scratch, stages, Share(0, 3 * (count + 1), None))
+    storage = Storage(carry, scratch, stages, Share(0, 3 * (strength_of(model).shape[0] - 1), None))
     begin(method, model, t, h, state, storage)
+    _, program = programs_of(coefficients)
     last = program.shape[0] - 1
-    ends_with_kick = _is_kick(int(program[last, 0]))
-    _copy(carry, room.planets)
+    final, length = int(program[last, KIND]), program[last, LENGTH]
+    ends_with_kick = final in (STANDARD, MODIFIED, LAZY)
+    copy_planets(carry, room.planets)
     kicked = False
     for k in range(steps):
-        for row in range(last):
-            kicked = _take(model, int(program[row, 0]), program[row, 1], kicked, shift, vectors, room)
-        if not ends_with_kick:
-            kicked = _take(model, int(program[last, 0]), program[last, 1], kicked, shift, vectors, room)
+        for row in range(last if ends_with_kick else last + 1):
+            kicked = _take(method, model, int(program[row, KIND]), program[row, LENGTH], kicked, vectors, room)
         step(method, model, t, h, state, storage)
-        _copy(carry, room.planets)
+        copy_planets(carry, room.planets)
         if ends_with_kick:  # where the first kick of the next step is: at the same bits in any block of steps
-            kicked = _take(model, int(program[last, 0]), program[last, 1], False, shift, vectors, room)
-            _copy_velocities(carry, room.planets)
+            kicked = _take(method, model, final, length, False, vectors, room)
+            copy_planets(carry, room.planets)
         if growth.shape[0]:
             for group in range(vectors.shape[0]):
                 measure(abs(t) + k * abs(h), abs(h), scale, vectors[group], room.pull[:0], growth[group])
 
 
-@kernel(inline=True)
-def _is_kick(kind):
-    return kind in (STANDARD, MODIFIED, LAZY)
-
-
-@kernel(inline=True)
-def _is_heliocentric(program):
-    return program.shape[0] > 0 and int(program[0, 0]) >= HELIOCENTRIC_DRIFT
-
-
 @kernel
-def _copy(planets, copy):
-    for row in range(planets.shape[0]):
-        store(copy, row, load(planets, row))
-
-
-@kernel
-def _copy_velocities(planets, copy):
-    for row in range((planets.shape[0] - 2) // (STATE_ROWS + 1) * STATE_ROWS):
-        if row % 6 >= 3:
-            store(copy, row, load(planets, row))
-
-
-@kernel
-def enter_with_vectors(
-    form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages, entry, shift, vectors, room
-):  # fmt: skip
+def enter_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, vectors, room):
     """Change to what is marched, with the vectors, (groups, 4, 3 (n + 1), 8): from the order of the bodies to that of
-    the map, with the centre of mass at the end; entry : the stages that lead there.
+    the map, with the centre of mass at the end.
     """
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
     strength = strength_of(model)
-    count = strength.shape[0] - 2
-    storage = Storage(carry, scratch, stages, Share(0, 3 * (count + 1), None))
-    heliocentric = _is_heliocentric(entry)
-    _copy(carry, room.planets)
-    if heliocentric:
-        enter_heliocentric(strength, q, q_lo, p, p_lo, room.planets, room.scratch)
-    else:
-        enter_planets(strength, q, q_lo, p, p_lo, room.planets, room.scratch)
-    _keep_masses(strength, room.planets, heliocentric, room)
-    central = _central(strength, room.planets)
+    copy_planets(carry, planets)
+    enter_coordinates(method, strength, q, q_lo, p, p_lo, planets, room.scratch)
+    _keep_masses(method, strength, room)
     for group in range(vectors.shape[0]):
-        if heliocentric:
-            to_heliocentric(room.planets, room.mass, central, count, vectors[group], room.shifted)
-        else:
-            to_jacobi(room.planets, room.scratch, count, vectors[group], room.shifted)
-    if not heliocentric:
-        momenta_of_vectors(model, vectors, room)
-        to_momenta(model, room.planets, room.scratch, stages, -1)
-    kicked = False
+        _to_coordinates(method, strength, vectors[group], room)
+    momenta_of_vectors(model, vectors, room)
+    change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, -1.0)
+    entry, _ = programs_of(coefficients)
     for row in range(entry.shape[0]):
-        kicked = _take(model, int(entry[row, 0]), entry[row, 1], kicked, shift, vectors, room)
-    enter(method, model, h, state, storage)
+        _take(method, model, int(entry[row, KIND]), entry[row, LENGTH], False, vectors, room)
+    copy_planets(planets, carry)
 
 
 @kernel
-def leave_with_vectors(
-    form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages, entry, shift, vectors, room
-):  # fmt: skip
+def leave_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, vectors, room):
     """Undo `enter_with_vectors`; what is marched is lost."""
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    strength = strength_of(model)
-    count = strength.shape[0] - 2
-    storage = Storage(carry, scratch, stages, Share(0, 3 * (count + 1), None))
-    heliocentric = _is_heliocentric(entry)
-    _copy(carry, room.planets)
-    if heliocentric:
-        prepare_heliocentric(strength, room.planets, room.scratch)
-    else:
-        prepare_room(strength, room.planets, room.scratch)
-    kicked = False
+    method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
+    strength, (entry, _) = strength_of(model), programs_of(coefficients)
+    copy_planets(carry, planets)
+    prepare(method, strength, planets, room.scratch)
     for back in range(entry.shape[0]):
         row = entry.shape[0] - 1 - back
-        kicked = _take(model, int(entry[row, 0]), -entry[row, 1], kicked, shift, vectors, room)
-    if not heliocentric:
-        to_velocities(model, room.planets, room.scratch, stages, -1)
-        velocities_of_vectors(model, vectors, room)
-    leave(method, model, h, state, storage)
-    central = _central(strength, room.planets)
+        _take(method, model, int(entry[row, KIND]), -entry[row, LENGTH], False, vectors, room)
+    change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, 1.0)
+    velocities_of_vectors(model, vectors, room)
+    leave_coordinates(method, strength, planets, room.scratch, q, q_lo, p, p_lo)
     for group in range(vectors.shape[0]):
-        if heliocentric:
-            from_heliocentric(room.planets, room.mass, central, count, vectors[group], room.shifted)
-        else:
-            to_bodies(room.planets, room.scratch, count, vectors[group], room.shifted)
+        _from_coordinates(method, strength, vectors[group], room)
 
 
-@kernel(inline=True)
-def _central(strength, planets):
-    """Return GM of the dominant body, also of one that is alone."""
-    return strength[1 + int(planets[planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS, 6])]
+@verb
+def _to_coordinates(method, strength, vectors, room):
+    """Change eight vectors from those of the bodies to those of the planets and the centre of mass."""
+    if is_heliocentric(method):
+        return lambda method, strength, vectors, room: to_heliocentric(strength, vectors, room)
+    return lambda method, strength, vectors, room: to_jacobi(vectors, room)
+
+
+@verb
+def _from_coordinates(method, strength, vectors, room):
+    """Undo `_to_coordinates`."""
+    if is_heliocentric(method):
+        return lambda method, strength, vectors, room: from_heliocentric(strength, vectors, room)
+    return lambda method, strength, vectors, room: to_bodies(vectors, room)
+
+
+@verb
+def _adds_up(method):
+    """Return whether a planet moves about all bodies inside it, and not about the dominant one alone."""
+    return (lambda method: False) if is_heliocentric(method) else (lambda method: True)
 
 
 @kernel
-def _keep_masses(strength, planets, heliocentric, room):
+def _keep_masses(method, strength, room):
     """Write GM of the planets, and that about which each of them moves, in their order."""
-    numbers = planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS
-    central = _central(strength, planets)
-    inside = central
+    inside = strength[1 + dominant(room.planets)]
     for i in range(strength.shape[0] - 2):
-        gm = strength[1 + int(planets[numbers + 2 + i // WIDTH, i % WIDTH])]
-        inside += gm
-        room.mass[i], room.gm[i] = gm, central if heliocentric else inside
+        gm = strength[1 + body_of(room.planets, i)]
+        if _adds_up(method):
+            inside += gm
+        room.mass[i], room.gm[i] = gm, inside
 
 
 @kernel
-def _take(model, kind, length, kicked, shift, vectors, room):
+def _take(method, model, kind, length, kicked, vectors, room):
     """Take a stage, of the copy and of the vectors. Returns whether the change of a kick is known where they are.
 
     kicked : whether it is known before
     """
-    planets, scratch, count = room.planets, room.scratch, room.mass.shape[0]
-    if kind in (DRIFT, HELIOCENTRIC_DRIFT):
+    planets, scratch = room.planets, room.scratch
+    if kind == DRIFT:
         write_flows(planets, room.gm, length, room.flows)
-        if kind == DRIFT:
-            move_planets(planets, scratch, length, 0.0)
-            finish_velocities(planets, scratch, 0.0)
-        else:
-            drift_heliocentric(planets, scratch, length)
+        take(method, model, kind, length, planets, scratch, scratch, False)
         for group in range(vectors.shape[0]):
-            move_vectors(room.flows, count, length, vectors[group])
+            move_vectors(room.flows, room.mass.shape[0], length, vectors[group])
         return False
     if kind == FLOW:
-        flow(model, planets, scratch, length)
+        take(method, model, kind, length, planets, scratch, scratch, False)
         flow_vectors(model, length, vectors, room)
         return False
-    if kind == HELIOCENTRIC_KICK:
-        place_heliocentric(planets, room.places)
-        kick_heliocentric(planets, scratch, count, length)
-        central = _central(strength_of(model), planets)
-        for group in range(vectors.shape[0]):
-            kick_heliocentric_vectors(room.mass, central, length, vectors[group], room)
-        return False
+    _kick(method, model, kind, length, kicked, vectors, room)
+    return True
+
+
+@verb
+def _kick(method, model, kind, length, kicked, vectors, room):
+    """Take a kick; kicked : whether its change is known where the planets are."""
+    return _kick_in_heliocentric if is_heliocentric(method) else _kick_in_jacobi
+
+
+def _kick_in_heliocentric(method, model, kind, length, kicked, vectors, room):
+    place_heliocentric(room.planets, room.places)
+    take(method, model, kind, length, room.planets, room.scratch, room.scratch, False)
+    strength = strength_of(model)
+    for group in range(vectors.shape[0]):
+        kick_heliocentric_vectors(strength, length, vectors[group], room)
+
+
+def _kick_in_jacobi(method, model, kind, length, kicked, vectors, room):
+    planets, scratch, shift = room.planets, room.scratch, method.coefficients[0, SHIFT]
     if not kicked:
-        _place_kick(model, kind, shift, room)
+        evaluate_kick(None, model, kind, shift, planets, scratch, scratch, NO_TABLE)
+        place_planets(kind, room)
+        place_static(model, kind, room)
         for group in range(vectors.shape[0]):
             change_of_kick(model, kind, shift, vectors[group, 0], room.force[group], room)
     kick_planets(planets, scratch, length)
     for group in range(vectors.shape[0]):
-        kick_vectors(count, length, vectors[group], room.force[group])
-    return True
-
-
-@kernel
-def _place_kick(model, kind, shift, room):
-    """Write the interaction for a kick, and where its derivative is taken."""
-    planets, scratch, count = room.planets, room.scratch, room.mass.shape[0]
-    interact(planets, scratch, count, False)
-    if kind == LAZY:
-        kick_more(model, planets, scratch)
-        displace(planets, scratch, shift)
-        interact(planets, scratch, count, True)
-    elif kind == MODIFIED:
-        modify(planets, scratch, count, shift)
-    kick_more(model, planets, scratch)
-    place_planets(planets, scratch, count, kind, room.places)
-    place_static(model, kind, room)
+        kick_vectors(room.mass.shape[0], length, vectors[group], room.force[group])
 
 
 @kernel
 def write_flows(planets, gm, h, flows):
     """Write the `Flow` of each planet for a Kepler motion of h."""
     for i in range(gm.shape[0]):
-        first, slot = STATE_ROWS * (i // WIDTH), i % WIDTH
-        x, y, z = planets[first, slot], planets[first + 1, slot], planets[first + 2, slot]
-        vx, vy, vz = planets[first + 3, slot], planets[first + 4, slot], planets[first + 5, slot]
+        x, y, z = coordinate(planets, 0, i), coordinate(planets, 1, i), coordinate(planets, 2, i)
+        vx, vy, vz = coordinate(planets, 3, i), coordinate(planets, 4, i), coordinate(planets, 5, i)
         dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, gm[i], h)
         flow = flow_of(x, y, z, vx, vy, vz, gm[i], h, dx, dy, dz, dvx, dvy, dvz)
         _write(flows[i], flow)

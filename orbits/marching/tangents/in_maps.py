@@ -14,7 +14,7 @@ from orbits.integrators.forms import Array, coefficients_of, padded
 from orbits.integrators.maps.dominant import registers_for
 from orbits.integrators.maps.on_kepler_orbits import OnKeplerOrbits
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.maps.interaction import STATE_ROWS
+from orbits.kernels.maps.layout import STATE_ROWS
 from orbits.kernels.tangents.of_terms import BENDS, PAIR_NUMBERS
 from orbits.kernels.tangents.through_maps import (
     NUMBERS_OF_A_FLOW,
@@ -112,7 +112,7 @@ class MapTangents:
         self._state = dict(
             zip(
                 ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages"),
-                aligned(*[(width,)] * 4, (form.carry_rows(3 * n), WIDTH), form.scratch_shape(3 * n), (1, 1, width)),
+                aligned(*[(width,)] * 4, (form.carry_rows(3 * n), WIDTH), form.scratch_shape(3 * n), (1, width)),
                 strict=True,
             )
         )
@@ -142,15 +142,14 @@ class MapTangents:
 
         Raises SingularityError if bodies meet, InputError if the vectors become too large.
         """
-        _, program = self._form.stages_of(self._h)
         carry, planets = self._state["carry"], STATE_ROWS * registers_for(3 * len(self._gm))
 
         def march(count: int) -> bool:
             state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages")]
             follow_map(
                 self._form.tag, coefficients_of(self._form, self._h), self._lagrangian.tag, self._parameters,
-                self._h * self._steps, self._h, *state, count, program, self._h**2 / 12.0, self._scale,
-                self._vectors, self._growth, self._room,
+                self._h * self._steps, self._h, *state, count, self._scale, self._vectors,
+                self._growth, self._room,
             )  # fmt: skip
             self._steps += count
             return bool(np.isfinite(carry[:planets]).all())
@@ -195,11 +194,10 @@ class MapTangents:
 
     def _change(self, kernel: Any, h: float) -> None:
         """Change the variables of state and vectors, by `enter_with_vectors` or its inverse for steps of h."""
-        entry, _ = self._form.stages_of(h)
-        state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages")]
+        state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry")]
         kernel(
-            self._form.tag, coefficients_of(self._form, h), self._lagrangian.tag, self._parameters, h, *state, entry,
-            h * h / 12.0, self._vectors, self._room,
+            self._form.tag, coefficients_of(self._form, h), self._lagrangian.tag, self._parameters, *state,
+            self._vectors, self._room,
         )  # fmt: skip
 
     def state(self) -> tuple[Array, Array]:
