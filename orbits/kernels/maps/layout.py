@@ -89,10 +89,10 @@ def coordinate(planets, row, i):
 
 
 @kernel(inline=True)
-def copy_planets(planets, copy):
-    """Write a copy of planets."""
-    for row in range(planets.shape[0]):
-        store(copy, row, load(planets, row))
+def copy_rows(rows, copy):
+    """Write a copy of as many rows as there is place for."""
+    for row in range(copy.shape[0]):
+        store(copy, row, load(rows, row))
 
 
 @kernel(inline=True)

@@ -48,7 +48,7 @@ from orbits.kernels.maps.jacobi_stages import (
     move_planets,
 )
 from orbits.kernels.maps.jacobi_tables import flow_rows
-from orbits.kernels.maps.layout import ATTRACTING, constant, coordinate, copy_planets, dominant
+from orbits.kernels.maps.layout import ATTRACTING, constant, coordinate, copy_rows, dominant
 from orbits.kernels.maps.particle_flow import change_momenta, flowing_particles
 from orbits.kernels.maps.programs import DRIFT, FLOW, HEADER, KIND, LENGTH, SHIFT, programs_of
 from orbits.kernels.maps.terms_by_kind import has_terms, strength_of
@@ -145,7 +145,7 @@ def go_back(method, planets, room):
 @kernel
 def at_the_end(method, planets, room, copy):
     """Write the planets at the end of a step into `copy`."""
-    copy_planets(planets, copy)
+    copy_rows(planets, copy)
     go_back(method, copy, room)
 
 

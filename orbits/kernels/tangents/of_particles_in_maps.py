@@ -9,8 +9,7 @@ computed once: the `Flow` of the Kepler motion, and the derivative of the kick, 
 
 The planets have no variations. Passages that the map cannot follow are noted on the way.
 
-Sources: those of `orbits.kernels.tangents.of_jacobi_kicks`; Cincotta, Giordano & Simó (2003), Physica D 182, 151, for
-MEGNO.
+Sources: those of `orbits.kernels.tangents.of_jacobi_kicks`.
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ from orbits.kernels.lanes import (
     store,
     unit,
 )
-from orbits.kernels.lanes.functions import log
 from orbits.kernels.maps.jacobi_particles import (
     drifted_particles,
     interaction,
@@ -48,8 +46,8 @@ from orbits.kernels.search.apsides import apsides
 from orbits.kernels.search.context import flat
 from orbits.kernels.search.cubics import hermite
 from orbits.kernels.steps import Model
+from orbits.kernels.tangents.growth import add_growth
 from orbits.kernels.tangents.of_kepler_flow import flow_change, flow_of
-from orbits.kernels.tangents.through_stages import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLER, SQUARE
 
 NEAR, WHICH, SHARP = 0, 1, 2
 """Rows of what is noted of eight particles: the step with the first passage near a planet, the number of that planet
@@ -57,10 +55,6 @@ outwards, and the step with the first pericentre that is not resolved; infinite 
 
 PARTS = 8
 """Parts of a step in which the distance from a planet is looked for."""
-
-ODD = tuple(1.0 / (2 * k + 1) for k in range(12, 0, -1))
-"""Coefficients of the series of artanh z / z - 1 in z^2, the highest first: complete to 1e-17 for |z| <= 1/4."""
-
 
 class Matrix(NamedTuple):
     """The derivative of a kick, by rows."""
@@ -103,7 +97,7 @@ def follow_particles(
     retired : (padded, 2) int64, those with another number than 0 rest
     begun : the number of steps before
     vectors : (groups, count, 6, 8), dr' and its velocity; growth : (groups, count, 5, 8), see
-        `orbits.kernels.tangents.through_stages`
+        `orbits.kernels.tangents.growth`
     """
     count, half, whole, shift = strength.shape[0] - 2, 0.5 * h, coefficients[0, WHOLE], coefficients[0, SHIFT]
     kick, after, model = int(coefficients[0, KICK]), table_rows(count), Model(tag, strength)
@@ -169,47 +163,14 @@ def _times(matrix, x, y, z):
 
 @kernel(inline=True)
 def _measure(t, h, scale, vector, growth):
-    """Add a step of h from t to the growth of a vector of each of eight particles; see
-    `orbits.kernels.tangents.through_stages`.
-    """
+    """Add a step of h from t to the growth of a vector of each of eight particles."""
     x, y, z = load(vector, 0), load(vector, 1), load(vector, 2)
     vx, vy, vz = scale * load(vector, 3), scale * load(vector, 4), scale * load(vector, 5)
     now = fma(x, x, fma(y, y, fma(z, z, fma(vx, vx, fma(vy, vy, vz * vz)))))
-    grown = 0.5 * log_ratio(now, load(growth, SQUARE))
-    lever = fma(full(t + 0.5 * h), grown, load(growth, LEVER))
-    Y = (2.0 / (t + h)) * lever
-    store(growth, LEVER, lever)
-    store(growth, LOGARITHM, load(growth, LOGARITHM) + grown)
-    store(growth, AREA, fma(full(0.5 * h), load(growth, BEFORE) + Y, load(growth, AREA)))
-    store(growth, BEFORE, Y)
-    large = now > LARGE
-    if any_lane(large):
-        factor = select(large, full(SMALLER), full(1.0))
+    factor = add_growth(t, h, now, growth)
+    if any_lane(factor < 1.0):
         for row in range(6):
             store(vector, row, factor * load(vector, row))
-        now = now * (factor * factor)
-    store(growth, SQUARE, now)
-
-
-@kernel(inline=True)
-def log_ratio(a, b):
-    """Return ln(a / b) of positive numbers."""
-    z = (a - b) / (a + b)
-    z2 = z * z
-    series = 0.0 * z
-    for k in range(len(ODD)):
-        series = fma(series, z2, ODD[k])
-    value = 2.0 * fma(z * z2, series, z)
-    near = z2 <= 0.0625
-    if any_lane(1.0 - near):
-        value = select(near, value, _far_log(a, b))
-    return value
-
-
-@kernel
-def _far_log(a, b):
-    """Return ln(a / b), not copied into the caller."""
-    return log(a / b)
 
 
 @kernel(inline=True)

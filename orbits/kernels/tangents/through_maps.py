@@ -1,6 +1,6 @@
 """Tangent vectors that follow a Wisdom–Holman map of planets: the exact derivative of each step, stage by stage.
 
-A step of every such map is a sequence of stages, rows (kind, length) that its form gives (`stages_of`): Kepler motions,
+A step of every such map is a sequence of stages, rows (kind, length) of its program: Kepler motions,
 kicks, flows of terms. The map is marched by its own kernels, to the same bits. On a copy of its state the stages of the
 step are taken one by one, and the vectors with them, each by the derivative of the stage where the copy stands:
 `orbits.kernels.tangents.of_kepler_flow`, `of_jacobi_kicks`, `of_heliocentric_kicks`, `of_terms`. As the derivative of
@@ -23,9 +23,10 @@ from typing import Any, NamedTuple
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.kepler.flow import kepler_increments
-from orbits.kernels.lanes import full, load, store
-from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, kick_planets
-from orbits.kernels.maps.layout import body_of, coordinate, copy_planets, dominant
+from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, kick_planets, move_centre
+from orbits.kernels.maps.layout import STATE_ROWS, body_of, copy_rows, dominant, store_three
+from orbits.kernels.maps.orbits import displaced, kicked, orbits_of, place_of, velocity_of, write_orbits
 from orbits.kernels.maps.programs import (
     DRIFT,
     FLOW,
@@ -57,13 +58,16 @@ from orbits.kernels.tangents.vector_parts import add_three
 NUMBERS_OF_A_FLOW = 22
 """Numbers of a `Flow`."""
 
+UNKNOWN, EVALUATED, CHANGED = 0, 1, 2
+"""What is known of a kick at a place: nothing; the interaction; and its change along the vectors."""
+
 
 class VectorRoom(NamedTuple):
     """Workspace for n planets and groups of eight vectors.
 
     planets, scratch : a copy of what is marched, and its `room`
-    gm, mass : (n,), that about which a planet moves, and its own
-    flows : (n, 22), see `Flow`; places : (3, n, 6), see `orbits.kernels.tangents.of_jacobi_kicks`
+    gm : (registers, 8), that about which a planet moves; mass : (n,), its own
+    flows : (registers, 22, 8), see `Flow`; places : (3, n, 6), see `orbits.kernels.tangents.of_jacobi_kicks`
     bends : (3, n, 27), second derivatives of terms, see `orbits.kernels.tangents.of_terms`; pair, curvature : of a pair
         of bodies: the parameters of the terms, and workspace
     force : (groups, 3n, 8), the change of the kick; shifted, offset, pull, further : (3n, 8); rates : (6n, 8)
@@ -94,7 +98,7 @@ def follow_map(
     """March the map by `steps` steps from time t, and tangent vectors with it.
 
     scale : the unit of time in which velocities count in |x|
-    vectors : (groups, 4, 3 (n + 1), 8); growth : (groups, 5, 8), see `orbits.kernels.tangents.through_stages`, or none
+    vectors : (groups, 4, 3 (n + 1), 8); growth : (groups, 5, 8), see `orbits.kernels.tangents.growth`, or none
     The other arguments are those of `orbits.marching.stepping.driver.march`.
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
@@ -104,16 +108,17 @@ def follow_map(
     last = program.shape[0] - 1
     final, length = int(program[last, KIND]), program[last, LENGTH]
     ends_with_kick = final in (STANDARD, MODIFIED, LAZY)
-    copy_planets(carry, room.planets)
-    kicked = False
+    copy_rows(carry, room.planets)
+    known = UNKNOWN
     for k in range(steps):
         for row in range(last if ends_with_kick else last + 1):
-            kicked = _take(method, model, int(program[row, KIND]), program[row, LENGTH], kicked, vectors, room)
+            known = _take(method, model, int(program[row, KIND]), program[row, LENGTH], known, vectors, room)
         step(method, model, t, h, state, storage)
-        copy_planets(carry, room.planets)
+        copy_rows(carry, room.planets)
         if ends_with_kick:  # where the first kick of the next step is: at the same bits in any block of steps
-            kicked = _take(method, model, final, length, False, vectors, room)
-            copy_planets(carry, room.planets)
+            copy_rows(scratch, room.scratch)
+            known = _take(method, model, final, length, EVALUATED, vectors, room)
+            copy_rows(carry, room.planets)
         if growth.shape[0]:
             for group in range(vectors.shape[0]):
                 measure(abs(t) + k * abs(h), abs(h), scale, vectors[group], room.pull[:0], growth[group])
@@ -126,7 +131,7 @@ def enter_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, ca
     """
     method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
     strength = strength_of(model)
-    copy_planets(carry, planets)
+    copy_rows(carry, planets)
     enter_coordinates(method, strength, q, q_lo, p, p_lo, planets, room.scratch)
     _keep_masses(method, strength, room)
     for group in range(vectors.shape[0]):
@@ -135,8 +140,8 @@ def enter_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, ca
     change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, -1.0)
     entry, _ = programs_of(coefficients)
     for row in range(entry.shape[0]):
-        _take(method, model, int(entry[row, KIND]), entry[row, LENGTH], False, vectors, room)
-    copy_planets(planets, carry)
+        _take(method, model, int(entry[row, KIND]), entry[row, LENGTH], UNKNOWN, vectors, room)
+    copy_rows(planets, carry)
 
 
 @kernel
@@ -144,11 +149,11 @@ def leave_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, ca
     """Undo `enter_with_vectors`; what is marched is lost."""
     method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
     strength, (entry, _) = strength_of(model), programs_of(coefficients)
-    copy_planets(carry, planets)
+    copy_rows(carry, planets)
     prepare(method, strength, planets, room.scratch)
     for back in range(entry.shape[0]):
         row = entry.shape[0] - 1 - back
-        _take(method, model, int(entry[row, KIND]), -entry[row, LENGTH], False, vectors, room)
+        _take(method, model, int(entry[row, KIND]), -entry[row, LENGTH], UNKNOWN, vectors, room)
     change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, 1.0)
     velocities_of_vectors(model, vectors, room)
     leave_coordinates(method, strength, planets, room.scratch, q, q_lo, p, p_lo)
@@ -186,37 +191,33 @@ def _keep_masses(method, strength, room):
         gm = strength[1 + body_of(room.planets, i)]
         if _adds_up(method):
             inside += gm
-        room.mass[i], room.gm[i] = gm, inside
+        room.mass[i], room.gm[i // WIDTH, i % WIDTH] = gm, inside
 
 
 @kernel
-def _take(method, model, kind, length, kicked, vectors, room):
-    """Take a stage, of the copy and of the vectors. Returns whether the change of a kick is known where they are.
-
-    kicked : whether it is known before
-    """
+def _take(method, model, kind, length, known, vectors, room):
+    """Take a stage, of the copy and of the vectors. Returns what is known of a kick where they are; known : before."""
     planets, scratch = room.planets, room.scratch
     if kind == DRIFT:
-        write_flows(planets, room.gm, length, room.flows)
-        take(method, model, kind, length, planets, scratch, scratch, False)
+        drift_with_flows(planets, room.gm, length, room.flows)
         for group in range(vectors.shape[0]):
             move_vectors(room.flows, room.mass.shape[0], length, vectors[group])
-        return False
+        return UNKNOWN
     if kind == FLOW:
         take(method, model, kind, length, planets, scratch, scratch, False)
         flow_vectors(model, length, vectors, room)
-        return False
-    _kick(method, model, kind, length, kicked, vectors, room)
-    return True
+        return UNKNOWN
+    _kick(method, model, kind, length, known, vectors, room)
+    return CHANGED
 
 
 @verb
-def _kick(method, model, kind, length, kicked, vectors, room):
-    """Take a kick; kicked : whether its change is known where the planets are."""
+def _kick(method, model, kind, length, known, vectors, room):
+    """Take a kick; known : what is known of it where the planets are."""
     return _kick_in_heliocentric if is_heliocentric(method) else _kick_in_jacobi
 
 
-def _kick_in_heliocentric(method, model, kind, length, kicked, vectors, room):
+def _kick_in_heliocentric(method, model, kind, length, known, vectors, room):
     place_heliocentric(room.planets, room.places)
     take(method, model, kind, length, room.planets, room.scratch, room.scratch, False)
     strength = strength_of(model)
@@ -224,10 +225,11 @@ def _kick_in_heliocentric(method, model, kind, length, kicked, vectors, room):
         kick_heliocentric_vectors(strength, length, vectors[group], room)
 
 
-def _kick_in_jacobi(method, model, kind, length, kicked, vectors, room):
+def _kick_in_jacobi(method, model, kind, length, known, vectors, room):
     planets, scratch, shift = room.planets, room.scratch, method.coefficients[0, SHIFT]
-    if not kicked:
+    if known == UNKNOWN:
         evaluate_kick(None, model, kind, shift, planets, scratch, scratch, NO_TABLE)
+    if known != CHANGED:
         place_planets(kind, room)
         place_static(model, kind, room)
         for group in range(vectors.shape[0]):
@@ -238,31 +240,33 @@ def _kick_in_jacobi(method, model, kind, length, kicked, vectors, room):
 
 
 @kernel
-def write_flows(planets, gm, h, flows):
-    """Write the `Flow` of each planet for a Kepler motion of h."""
-    for i in range(gm.shape[0]):
-        x, y, z = coordinate(planets, 0, i), coordinate(planets, 1, i), coordinate(planets, 2, i)
-        vx, vy, vz = coordinate(planets, 3, i), coordinate(planets, 4, i), coordinate(planets, 5, i)
-        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, gm[i], h)
-        flow = flow_of(x, y, z, vx, vy, vz, gm[i], h, dx, dy, dz, dvx, dvy, dvz)
-        _write(flows[i], flow)
+def drift_with_flows(planets, gm, h, flows):
+    """Advance the planets on their Kepler orbits by h, and write the `Flow` of each."""
+    for register in range(gm.shape[0]):
+        own, about, rows = planets[STATE_ROWS * register :], load(gm, register), flows[register]
+        orbits = orbits_of(full(0.0), own)
+        (x, y, z), (vx, vy, vz) = place_of(orbits), velocity_of(orbits)
+        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, about, full(h))
+        write_orbits(own, kicked(displaced(orbits, (dx, dy, dz)), (dvx, dvy, dvz)))
+        flow = flow_of(x, y, z, vx, vy, vz, about, full(h), dx, dy, dz, dvx, dvy, dvz)
+        store_three(rows, 0, (flow.x, flow.y, flow.z))
+        store_three(rows, 3, (flow.vx, flow.vy, flow.vz))
+        store_three(rows, 6, (flow.f, flow.g, flow.df))
+        store_three(rows, 9, (flow.dg, flow.fa, flow.fb))
+        store_three(rows, 12, (flow.fc, flow.ga, flow.gb))
+        store_three(rows, 15, (flow.gc, flow.ea, flow.eb))
+        store_three(rows, 18, (flow.ec, flow.ha, flow.hb))
+        store(rows, 21, flow.hc)
+    move_centre(planets, h)
 
 
 @kernel(inline=True)
-def _write(row, flow):
-    row[0], row[1], row[2], row[3], row[4], row[5] = flow.x, flow.y, flow.z, flow.vx, flow.vy, flow.vz
-    row[6], row[7], row[8], row[9] = flow.f, flow.g, flow.df, flow.dg
-    row[10], row[11], row[12] = flow.fa, flow.fb, flow.fc
-    row[13], row[14], row[15] = flow.ga, flow.gb, flow.gc
-    row[16], row[17], row[18] = flow.ea, flow.eb, flow.ec
-    row[19], row[20], row[21] = flow.ha, flow.hb, flow.hc
-
-
-@kernel(inline=True)
-def _read(row):
+def _flow_at(flows, i):
+    """Return the `Flow` of planet i."""
+    f, k = flows[i // WIDTH], i % WIDTH
     return Flow(
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10],
-        row[11], row[12], row[13], row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21],
+        f[0, k], f[1, k], f[2, k], f[3, k], f[4, k], f[5, k], f[6, k], f[7, k], f[8, k], f[9, k], f[10, k],
+        f[11, k], f[12, k], f[13, k], f[14, k], f[15, k], f[16, k], f[17, k], f[18, k], f[19, k], f[20, k], f[21, k],
     )  # fmt: skip
 
 
@@ -274,7 +278,7 @@ def move_vectors(flows, count, h, vectors):
         a = 3 * i
         x, y, z = load(q, a), load(q, a + 1), load(q, a + 2)
         vx, vy, vz = load(v, a), load(v, a + 1), load(v, a + 2)
-        dx, dy, dz, dvx, dvy, dvz = flow_change(_read(flows[i]), x, y, z, vx, vy, vz)
+        dx, dy, dz, dvx, dvy, dvz = flow_change(_flow_at(flows, i), x, y, z, vx, vy, vz)
         add_three(q, q_lo, a, dx, dy, dz)
         add_three(v, v_lo, a, dvx, dvy, dvz)
     for k in range(3):

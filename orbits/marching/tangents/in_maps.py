@@ -15,6 +15,7 @@ from orbits.integrators.maps.dominant import registers_for
 from orbits.integrators.maps.on_kepler_orbits import OnKeplerOrbits
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.layout import STATE_ROWS
+from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
 from orbits.kernels.tangents.of_terms import BENDS, PAIR_NUMBERS
 from orbits.kernels.tangents.through_maps import (
     NUMBERS_OF_A_FLOW,
@@ -23,7 +24,6 @@ from orbits.kernels.tangents.through_maps import (
     follow_map,
     leave_with_vectors,
 )
-from orbits.kernels.tangents.through_stages import AREA, LOGARITHM, SQUARE
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import Place
 from orbits.marching.stepping.alignment import aligned
@@ -122,7 +122,9 @@ class MapTangents:
         )
         wide = (rows, WIDTH)
         carry = self._state["carry"].shape
-        of_planets = (n - 1,), (n - 1,), (n - 1, NUMBERS_OF_A_FLOW), (3, n - 1, 6), (3, n - 1, BENDS)
+        registers = registers_for(3 * n)
+        flows = registers, NUMBERS_OF_A_FLOW, WIDTH
+        of_planets = (registers, WIDTH), (n - 1,), flows, (3, n - 1, 6), (3, n - 1, BENDS)
         of_vectors = (PAIR_NUMBERS,), (groups, *wide), wide, wide, wide, wide, (2 * rows, WIDTH)
         self._room = VectorRoom._make(
             [*aligned(carry, form.room_shape(3 * n), *of_planets), _pair_of(strength, own), *aligned(*of_vectors)]

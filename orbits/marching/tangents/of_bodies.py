@@ -14,8 +14,9 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import Model
+from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
 from orbits.kernels.tangents.through_momenta import MomentaRoom, follow_momenta
-from orbits.kernels.tangents.through_stages import AREA, ETA, LOGARITHM, SQUARE, Course, Fan, Room, follow
+from orbits.kernels.tangents.through_stages import ETA, Course, Fan, Room, follow
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.motion import Motion

@@ -17,8 +17,8 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.jacobi_form import KeplerSplitting, outwards
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
 from orbits.kernels.tangents.of_particles_in_maps import NEAR, SHARP, WHICH, Judged, follow_particles
-from orbits.kernels.tangents.through_stages import AREA, LOGARITHM, SQUARE
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import ConstantSteps, Place
 from orbits.marching.stepping.bound_loops import BoundLoops, numbers_of
