@@ -62,8 +62,9 @@ QUIET = 2e-3
 SHORTER, TRIALS = 2.0**-0.5, 28
 """Factor by which steps are shortened in the search for a suitable one, and how often: down to a ten-thousandth."""
 
-MARGIN = 0.5
-"""The suggested step may use this fraction of the allowed error, as the phase of the passage in it is unknown."""
+MARGIN, MARGIN_OF_MANY = 0.5, 0.15
+"""The suggested step may use this fraction of the allowed error, as the phase of the passage in it is unknown; and of
+many pericentres, as their effects at the end are known from their mean alone."""
 
 ROUNDS, CLOSE_ENOUGH = 6, 1e-3
 """Rounds in which a pericentre among three bodies is found, and the change of its time after which they end: the phase
@@ -216,6 +217,7 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
     """
     ahead = pair.ahead
     e, angle = pair.shape(h)
+    margin = MARGIN_OF_MANY if pair.is_bound() and pair.orbit.period < abs(left) else MARGIN
     longest = abs(h) * largest_resolved_angle(integrator, e, angle) / angle if angle > 0.0 else abs(h)
     for k in range(TRIALS if longest > 0.0 else 0):
         shorter = math.copysign(longest * SHORTER**k, h)
@@ -226,7 +228,7 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
         except NOT_FOLLOWED:
             return 0.0
         effects = (_all_pericentres(integrator, shorter, p, left - ahead, span) for p in moved)
-        if all(math.isfinite(f.error) and count * f.error <= MARGIN * f.limit for f in effects):
+        if all(math.isfinite(f.error) and count * f.error <= margin * f.limit for f in effects):
             return abs(shorter)
     return 0.0
 
