@@ -336,7 +336,8 @@ def _draw_cloud(axes: Axes, system: System, points: Array, cloud: list[int]) -> 
         return ""
     label = counted(system, cloud)
     look: dict[str, Any] = {"mew": 0, "color": style.GREY}
-    axes.plot(points[cloud, 0], points[cloud, 1], ".", ms=3, alpha=0.7, zorder=1, **look)
+    size = max(2.0, min(5.0, 100.0 / len(cloud) ** 0.5))
+    axes.plot(points[cloud, 0], points[cloud, 1], ".", ms=size, alpha=0.7, zorder=1, **look)
     axes.plot([], [], ".", ms=8, label=label, **look)
     return f"grey points: {label}, without a line" if system.massive[cloud].any() else ""
 
