@@ -89,7 +89,7 @@ class TangentGrowth:
     lyapunov: u.Quantity
     passage: u.Quantity | None = None
 
-    def lyapunov_time(self) -> str:
+    def _lyapunov_time(self) -> str:
         """Return the Lyapunov time at the last sample as it is printed, without its unit: "–" where MEGNO is near 2."""
         chaotic = self.megno[-1] > REGULAR and self.lyapunov[-1] > 0.0
         return f"{1.0 / self.lyapunov[-1].value:.3g}" if chaotic else "–"
@@ -167,7 +167,7 @@ class Megno:
         unit = self.system.units.time
         head = ["orbit", "MEGNO", "spread", headed("Lyapunov time", unit)]
         rows = [
-            [row.name, f"{row.megno[-1]:.4g}", f"{row.spread[-1]:.2g}", row.lyapunov_time()]
+            [row.name, f"{row.megno[-1]:.4g}", f"{row.spread[-1]:.2g}", row._lyapunov_time()]
             for row in (self.massive, *self.particles)[:MOST_ROWS]
         ]
         return head, rows, 1 + len(self.particles) - len(rows)
