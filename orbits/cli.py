@@ -192,8 +192,9 @@ def certify(
 ) -> None:
     """Measure on the problems of a scenario whether its methods are the variational integrators they declare to be.
 
-    The tables go to standard output and into certificate.json. Controls such as RK4, which declare nothing, are shown
-    and not judged, unless --integrator asks for one.
+    The tables go to standard output and into certificate.json.
+
+    Controls such as RK4, which declare nothing, are shown and not judged, unless --integrator asks for one.
 
     Example: orbits certify kepler --integrator "gauss(stages=4)" --dt 0.05
     """
@@ -389,8 +390,8 @@ def ensemble(
     integrator: Annotated[
         str | None,
         typer.Option(
-            help="Method instead of that of the plan or the scenario: gauss, 'gauss(stages=4)', "
-            "'wisdom-holman(kernel=lazy)'. `orbits list` has all.",
+            help="Method instead of that of the plan or the scenario: gauss, 'gauss(stages=4)', wisdom-holman. `orbits "
+            "list` has all.",
             metavar="METHOD",
         ),
     ] = None,

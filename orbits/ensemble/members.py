@@ -340,8 +340,8 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
         written in a file for processes
     given : each axis by its name, a sequence or an array (m,); a single value is the same for all members
 
-    The last axis varies fastest. Raises InputError for a grid without an axis, or with an empty one; for a `System` as
-    `System.add` does.
+    Members are named by their values, "a=2.5 AU e=0.1". The last axis varies fastest. Raises InputError for a grid
+    without an axis, or with an empty one; for a `System` as `System.add` does.
     """
     axes = {name: values for name, values in given.items() if not isinstance(values, str) and np.ndim(values)}
     for name, values in axes.items():
@@ -357,14 +357,26 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
     columns = {name: _at(values, k) for (name, values), k in zip(axes.items(), places, strict=True)}
     known = {name: value for name, value in axes.items() if not isinstance(value, list | tuple)}
     known = {name: known.get(name, np.asarray(value)) for name, value in axes.items()}
-    names = ["-".join(map(str, k)) for k in itertools.product(*map(range, shape))]
+    texts = [[f"{name}={text}" for text in _texts(values)] for name, values in axes.items()]
+    names = [" ".join(point) for point in itertools.product(*texts)]
     if isinstance(what, System):
-        whole = what.add([f"grid {name}" for name in names], **columns, **fixed)
+        whole = what.add(names, **columns, **fixed)
         return among(what, whole, np.arange(len(what), len(whole)), columns=columns, axes=known)
     if not callable(what):
         raise InputError(f"{shown(what)} is neither a System nor a function that makes one.")
     columns |= {name: _constant(value, len(names)) for name, value in fixed.items()}
     return Made(names, "systems", columns=columns, axes=known, make=what)
+
+
+def _texts(values: Any) -> list[str]:
+    """Return the values of an axis for names, in as many digits as tell them apart; numbered if some are the same."""
+    texts: list[str] = []
+    for digits in (17, 12, 6):
+        shorter = [f"{value:.{digits}g}" if isinstance(value, float | u.Quantity) else str(value) for value in values]
+        if len(set(shorter)) < len(set(map(str, values))):
+            break
+        texts = shorter
+    return texts if len(set(texts)) == len(texts) else [f"{text} ({k})" for k, text in enumerate(texts)]
 
 
 def numbered(stem: str, count: int) -> list[str]:

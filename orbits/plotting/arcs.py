@@ -2,18 +2,21 @@
 
 Each body orbits a *centre*: for a moon the planet in whose Hill sphere it is, for a circumbinary planet the pair of
 stars, otherwise the most massive body. Between two samples, the two-body motions forward from the first and backward
-from the second are blended. If they differ by more than `AGREEMENT`, the motion is not Keplerian, and nothing is drawn.
+from the second are blended. If they differ by more than `AGREEMENT`, the motion is not Keplerian, and nothing is drawn;
+if the run is short enough, its steps are taken again for states between the samples.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.elements.kepler_flow import kepler_flow
-from orbits.errors import InputError
+from orbits.errors import InputError, OrbitsError
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -39,6 +42,11 @@ ARC_POINTS = 721
 """The most points from one sample to the next."""
 MOST_POINTS = 400_000
 """The most points of all arcs of a body."""
+
+BETWEEN = 0.25
+"""The time between states that are added, in units of the dynamical time: 25 in a revolution on a circle, `SMOOTH`."""
+MOST_BETWEEN, MOST_NUMBERS = 8_000, 2**21
+"""The most states that are added, in 300 revolutions or some seconds, and the most of all bodies together."""
 
 _GAP = np.full((1, 3), np.nan)
 
@@ -185,6 +193,41 @@ def joined(run: Trajectory, i: int, samples: Samples | None = None) -> Path:
         k = stop + 1
     loose = there & ~(np.append(drawn, False) | np.append(False, drawn))
     return Path(np.concatenate(pieces or [_GAP]), loose, bool(wound.any()))
+
+
+def followed(run: Trajectory, bodies: Sequence[int]) -> tuple[Samples, dict[int, Path]]:
+    """Return the samples of a run and the paths of some bodies. Where samples are more than a revolution apart, or too
+    far apart for a line where the motion is not Keplerian, the paths go through states between them, which the steps of
+    the run are taken again for, unless it is too long for that or they cannot be.
+    """
+    samples = Samples(run)
+    paths = {i: joined(run, i, samples) for i in bodies}
+    if not any(path.loose.any() for path in paths.values()) or len(run) < 2:
+        return samples, paths
+    gaps = np.abs(np.diff(run.times))
+    between = gaps / (BETWEEN * min(_fastest(run, bodies), float(gaps.max())))
+    if not between.sum() < min(MOST_BETWEEN, MOST_NUMBERS / len(run.names)):
+        return samples, paths
+    parts = [
+        np.linspace(begin, end, max(2, math.ceil(count) + 1))[:-1]
+        for begin, end, count in zip(run.times[:-1], run.times[1:], between.tolist(), strict=True)
+    ]
+    try:
+        finer: Trajectory = run.at([*np.concatenate(parts), run.times[-1]])
+    except OrbitsError:
+        return samples, paths
+    samples = Samples(finer)
+    return samples, {i: joined(finer, i, samples) for i in bodies}
+
+
+def _fastest(run: Trajectory, bodies: Sequence[int]) -> float:
+    """Return the shortest dynamical time of some bodies in the first and in the last sample."""
+    gm, rows, rate2 = run.system.values.gm, list(bodies), 0.0
+    for q in (run._q[0], run._q[-1]):
+        r2 = ((q[rows, None] - q) ** 2).sum(axis=2) + run.system.values.softening**2
+        r2[np.arange(len(rows)), rows] = np.inf
+        rate2 = max(rate2, float(np.nanmax(np.nansum((gm + gm[rows, None]) * r2**-1.5, axis=1), initial=0.0)))
+    return rate2**-0.5 if rate2 > 0.0 else math.inf
 
 
 def last_state(run: Trajectory) -> System:

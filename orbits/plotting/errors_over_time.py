@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, shown
 from orbits.plotting import style, words
 from orbits.plotting.over_time import times_of, years
-from orbits.plotting.pictures import ROUNDING, counted, looks_of, named_in, relative_change, there
+from orbits.plotting.pictures import (
+    OF_ROUNDING,
+    ROUNDING,
+    counted,
+    down_to_rounding,
+    looks_of,
+    named_in,
+    relative_change,
+    there,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,15 +79,14 @@ def plot_error(
     if series:
         axes = _logarithmic(panels.pop(0))
         for (name, values), colour in zip(series.items(), (style.BLUE, style.VERMILION), strict=False):
-            change = np.maximum(np.abs(values[later]), FLOOR)
+            change = np.abs(values[later])
             axes.plot(t, change, lw=0.7, alpha=0.45, color=colour)
             axes.plot(t, np.maximum.accumulate(change), lw=2.2, color=colour, label=name)
-        low, high = axes.get_ylim()
-        axes.set_ylim(min(low, 0.8 * FLOOR), max(high, 1e-14))
+        down_to_rounding(axes)
         _slopes(axes, t, float(np.abs(next(iter(series.values()))[later]).max()), (0.5, 1.0))
-        axes.axhline(2.0**-53, color=style.GREY, lw=1.0, ls=(0, (6, 4)))
-        axes.set_title("energy and angular momentum, as fractions")
-        told += [THICK, ROUNDING, SLOPES]
+        axes.set_title("energy and angular momentum")
+        axes.set_ylabel("relative change")
+        told += [THICK, OF_ROUNDING, SLOPES]
     if positions is not None:
         axes = _logarithmic(panels.pop(0))
         told += _draw_positions(axes, run, positions[later], chosen, t)
@@ -87,7 +95,7 @@ def plot_error(
         axes.set_ylabel(f"distance [{length}]" if length else "distance")
     for axes in made.axes:
         axes.set_xlabel(words.since(run.system, unit))
-    made.suptitle(_made_by(run) if title is None else title, x=0.01, ha="left", fontsize=17)
+    made.suptitle(words.made_by(run) if title is None else title, x=0.01, ha="left", fontsize=17)
     named = [pair for axes in made.axes for pair in zip(*named_in(axes), strict=True)]
     style.below(made, [handle for handle, _ in named], [label for _, label in named], "; ".join(told))
     return made
@@ -109,11 +117,13 @@ def plot_energy(run: Trajectory, *, title: str | None = None) -> Figure:
     made = style.figure(15, 2.0 + 3.8 * len(series))
     panels = made.subplots(len(series), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (name, values), colour in zip(panels, series.items(), (style.BLUE, style.VERMILION), strict=False):
-        reach = max(float(np.abs(values).max()), 2.0**-53)
+        reach = max(float(np.abs(values).max()), ROUNDING)
         power = int(np.floor(np.log10(reach)))
         axes.plot(t, values / 10.0**power, lw=1.2, color=colour)
-        rounding = 2.0**-53 / 10.0**power
+        rounding = ROUNDING / 10.0**power
         axes.axhspan(-rounding, rounding, color=style.FAINT, lw=0, zorder=0)
+        if not (values < 0.0).any():  # a length
+            axes.set_ylim(bottom=-0.02 * reach / 10.0**power)
         axes.set_title(name)
         axes.set_ylabel(f"change [{words.power_of_ten(power)}]" if power else "change")
         axes.grid(color=style.FAINT, lw=0.6)
@@ -122,7 +132,7 @@ def plot_energy(run: Trajectory, *, title: str | None = None) -> Figure:
             axes.axvline(place, color=style.GREY, lw=0.6, alpha=0.5, zorder=0)
     panels[-1].set_xlabel(words.since(run.system, unit))
     years(panels[0], run, t)
-    made.suptitle(_made_by(run) if title is None else title, x=0.01, ha="left", fontsize=17)
+    made.suptitle(words.made_by(run) if title is None else title, x=0.01, ha="left", fontsize=17)
     told = ["grey band: 2⁻⁵³, the rounding of one float64"]
     told += ["of the massive bodies"] if not run.system.massive.all() else []
     first = f", the first {MOST_EVENTS} of {len(run.events):,}" * (len(run.events) > MOST_EVENTS)
@@ -137,12 +147,6 @@ def _logarithmic(axes: Axes) -> Axes:
     return axes
 
 
-def _made_by(run: Trajectory) -> str:
-    """Return method and step in words, as the titles of `plot_trajectory` have them."""
-    step = "" if np.isnan(run.step) else f", dt = {words.in_fitting_time(abs(run.step), run.system.units.time)}"
-    return words.method_words(run.integrator.label) + step
-
-
 def _conserved(run: Trajectory) -> dict[str, Array]:
     """Return the relative changes, with signs, of what is conserved: of energy, and of angular momentum the length of
     the vector of changes.
@@ -153,7 +157,7 @@ def _conserved(run: Trajectory) -> dict[str, Array]:
     if not np.isnan(drift.energy.max_fraction) and drift.energy.scale:
         found["energy, ΔE/|E|"] = (energy[1:] - energy[0]) / drift.energy.scale
     if not np.isnan(drift.angular_momentum.max_fraction) and drift.angular_momentum.scale:
-        found["angular momentum, |ΔL|/|L|"] = relative_change(moment, drift.angular_momentum.scale, 0.0)[1:]
+        found["angular momentum, |ΔL|/|L|"] = relative_change(moment, drift.angular_momentum.scale)[1:]
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from itertools import islice
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -47,6 +48,12 @@ WORDS: Mapping[str, str] = {
 MOST_MARKS = 300
 """The most events, and approaches, that are marked."""
 
+MOST_ROWS = 12
+"""The most bodies that have a panel of their own."""
+
+FLAT, UNCHANGED = 0.03, 1e-9
+"""Smaller changes are not seen on a common scale, as a fraction of it; and are rounding, as a fraction of the value."""
+
 CLOUD = "thin lines, from blue to yellow: {}, in the order of their first values"
 
 
@@ -61,7 +68,8 @@ def plot_elements(
     frame: str | None = None,
     approaches: bool = False,
 ) -> Figure:
-    """Return a picture of osculating elements against time, one panel for each.
+    """Return a picture of osculating elements against time, one panel for each; of up to 12 bodies one for each body,
+    where on a common scale the changes of some would not be seen.
 
     elements : their names, as in `run.elements()`: a, e, q, inc, Omega, omega, pomega, M, l, f, n, P, h, k, ix, iy
     primary : the body that the others orbit; the most massive one by default
@@ -81,11 +89,14 @@ def plot_elements(
     chosen = there(run, bodies)
     known = histories(run, chosen, wanted, primary=primary_of(run, primary, "elements"), frame=frame, kind="elements")
     looks, cloud = looks_of(run.system, known.bodies)
+    checked_flag(approaches, "approaches")
+    if not cloud and any(_is_flattened(known.shown(name), name) for name in wanted):
+        return _one_by_one(run, known, wanted, looks, approaches=approaches, title=title)
     t, unit = times_of(run)
     made = style.figure(16, 3.2 + 2.9 * len(wanted))
     panels = made.subplots(len(wanted), 1, sharex=True, squeeze=False)[:, 0]
     told: dict[str, None] = {}
-    marks = _marks(run, approaches=checked_flag(approaches, "approaches"))
+    marks = _marks(run, approaches=approaches)
     for axes, name in zip(panels, wanted, strict=True):
         told |= dict.fromkeys(_draw(axes, run, known, name, t, looks, cloud))
         told |= dict.fromkeys(said for mark in marks if (said := _mark(axes, run, known, name, t, looks, mark)))
@@ -99,6 +110,60 @@ def plot_elements(
     panels[0].set_title(heading(run, known) if title is None else title)
     style.below(made, *named_in(panels[0]), "; ".join(told))
     return made
+
+
+def _is_flattened(values: Array, name: str) -> bool:
+    """Return whether a common scale hides how the values of a body, (samples, k), change."""
+    if not 1 < values.shape[1] <= MOST_ROWS or len(values) < 2:
+        return False
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of bodies that are never there
+        low, high = np.nanmin(values, axis=0), np.nanmax(values, axis=0)
+    whole = 360.0 if name in TURNING else float(np.nanmax(high, initial=-np.inf) - np.nanmin(low, initial=np.inf))
+    moved = (high - low) > UNCHANGED * np.maximum(np.maximum(np.abs(low), np.abs(high)), whole)
+    return bool((moved & (high - low < FLAT * whole)).any())
+
+
+def _one_by_one(
+    run: Trajectory, known: Histories, wanted: Sequence[str], looks: Looks, *, approaches: bool, title: str | None
+) -> Figure:
+    """Return a picture with a column for each element and a row for each body, each panel on a scale of its own."""
+    t, unit = times_of(run)
+    made = style.figure(5.4 * max(len(wanted), 2), 1.8 + 1.45 * len(known.bodies))
+    panels = made.subplots(len(known.bodies), len(wanted), sharex=True, squeeze=False)
+    told: dict[str, None] = {}
+    marks = _marks(run, approaches=approaches)
+    for row, i in enumerate(known.bodies):
+        one = Histories([i], known.primary, {name: x[:, [row]] for name, x in known.elements.items()}, known.frame)
+        for axes, name in zip(panels[row], wanted, strict=True):
+            told |= dict.fromkeys(_draw(axes, run, one, name, t, looks, []))
+            told |= dict.fromkeys(said for mark in marks if (said := _mark(axes, run, one, name, t, looks, mark)))
+            _own_scale(axes, one.shown(name), name)
+            axes.tick_params(labelsize=12)
+            axes.grid(color=style.FAINT, lw=0.6)
+        panels[row, 0].set_ylabel(words.short(run.names[i]), fontsize=13, rotation=0.0, ha="right", va="center")
+    for axes, name in zip(panels[0], wanted, strict=True):
+        axes.set_title(_label(run, name), fontsize=15)
+    for axes in panels[-1]:
+        axes.set_xlabel(words.since(run.system, unit), fontsize=13)
+    made.suptitle(heading(run, known) if title is None else title, x=0.01, ha="left", fontsize=17)
+    made.align_ylabels()
+    style.below(made, [], [], "; ".join(["each panel has a scale of its own", *told]))
+    return made
+
+
+def _own_scale(axes: Axes, values: Array, name: str) -> None:
+    """Scale a panel to the values in it; those that change by rounding alone are a line in its middle."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+    if np.isfinite(values).any():
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+        if name in TURNING and high - low > 180.0:
+            axes.set(ylim=(-10.0, 370.0), yticks=[0.0, 180.0, 360.0])
+        elif high - low <= UNCHANGED * max(abs(low), abs(high)):
+            half = max(0.05 * abs(high), 1e-3)
+            axes.set_ylim(low - half, high + half)
 
 
 def _draw(
@@ -293,13 +358,13 @@ def years(axes: Axes, run: Trajectory, t: Array) -> None:
     upper.tick_params(labelsize=12, colors=style.GREY)
     upper.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
     upper.spines["top"].set_visible(False)
+    upper.set_xlabel("year", fontsize=12, color=style.GREY, labelpad=2.0)
 
 
 def heading(run: Trajectory, known: Histories) -> str:
     """Return what a picture of elements is of: the centre, the frame and the method."""
     frame = f", {FRAMES[known.frame]}" if known.frame != "system" else ""
-    method = words.method_words(run.integrator.label)
-    return f"orbits about {words.in_prose(run.names[known.primary])}{frame}; {method}"
+    return f"orbits about {words.in_prose(run.names[known.primary])}{frame}; {words.in_title(run.integrator)}"
 
 
 def _unit(run: Trajectory) -> str:

@@ -32,8 +32,12 @@ MOST_NAMES = 40
 """The most names in a legend."""
 STILL = 0.01
 """If the central body moves less than this fraction of the map, only a disc is drawn."""
-ROUNDING = "dashed: 2⁻⁵³, the rounding of one float64; changes of exactly 0 are drawn at the lower edge"
+ROUNDING = 2.0**-53
+"""The rounding of one float64, relative to it."""
+OF_ROUNDING = "grey band: up to 2⁻⁵³, the rounding of one float64, on a linear scale"
 ELLIPSES = "ellipses: the osculating two-body orbits at this time"
+MOST_POWERS = 7
+"""The most powers of ten beside an axis of errors."""
 INNER, FEW = 0.1, 3
 """Bodies within this fraction of the largest distance get a map of their own, if they are at least three."""
 
@@ -101,14 +105,10 @@ def plot_trajectory(
     told: dict[str, None] = {}
     for name, part in zip(maps, (set(chosen), inner), strict=False):
         told |= dict.fromkeys(_draw_paths(axes[name], run, looks, [i for i in cloud if i in part], part, frame))
-    method = words.method_words(run.integrator.label)
-    made_by = method
-    if not math.isnan(run.step):  # NaN for methods with adaptive steps
-        made_by += f", dt = {words.in_fitting_time(abs(run.step), system.units.time)}"
-    axes["map"].set_title(made_by if title is None else title, parse_math=False)
-    conserved(axes["energy"], axes["momentum"], {method: run})
+    axes["map"].set_title(words.made_by(run) if title is None else title, parse_math=False)
+    conserved(axes["energy"], axes["momentum"], {"": run})
     massive = [] if system.massive.all() else ["energy and angular momentum: of the massive bodies"]
-    style.below(made, *named_in(axes["map"]), "; ".join([*told, *massive, ROUNDING]))
+    style.below(made, *named_in(axes["map"]), "; ".join([*told, *massive, OF_ROUNDING]))
     return made
 
 
@@ -131,27 +131,29 @@ def _draw_paths(
 ) -> tuple[str, ...]:
     system = run.system
     told: dict[str, None] = {}
-    samples = arcs.Samples(run)
-    end = samples.end
+    end = arcs.last_state(run)
     last = in_plane(system, end.values.q, frame)
     middle = int(np.argmax(end.values.gm))
     merged = _merged(run)
     if words_of_cloud := _draw_cloud(axes, system, last, [i for i in cloud if not merged[i]]):
         told[words_of_cloud] = None
     reach = float(np.linalg.norm(last[sorted(chosen)] - last[middle], axis=1).max())
-    for i in sorted(chosen & set(looks)):
+    still = np.ptp(run[system.names[middle]].q.value, axis=0).max() < STILL * reach
+    single = sorted(chosen & set(looks))
+    samples, ways = arcs.followed(run, [i for i in single if i != middle or not still])
+    for i in single:
         look, colour = looks[i], looks[i]["color"]
         if merged[i]:
             axes.plot([], [], **look)
         else:
             axes.plot(*last[i, :2], "o", ms=6, mec="white", mew=0.5, zorder=3, **look)
-        if i == middle and np.ptp(run[system.names[i]].q.value, axis=0).max() < STILL * reach:
+        if i not in ways:
             continue
-        path = arcs.joined(run, i, samples)
+        path = ways[i]
         curve = in_plane(system, path.curve, frame)
         axes.plot(curve[:, 0], curve[:, 1], lw=1.3, color=colour)
         if path.loose.any():
-            dots = in_plane(system, run[system.names[i]].q.value[path.loose], frame)
+            dots = in_plane(system, samples.q(i)[path.loose], frame)
             axes.plot(dots[:, 0], dots[:, 1], ".", ms=3.5, mew=0, color=colour)
             told["dots: samples too far apart for a line"] = None
         around = None if merged[i] else osculating_ellipse(end, i, frame)
@@ -181,15 +183,31 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, t
         energy.plot(t, relative_change(changing, kept.energy.scale)[1:], label=label, **look)
         momentum.plot(t, relative_change(turning, kept.angular_momentum.scale)[1:], **look)
     for axes, name in ((energy, "energy, |ΔE/E|"), (momentum, "angular momentum, |ΔL|/|L|")):
-        axes.set_yscale("log")
-        low, high = axes.get_ylim()
-        axes.set_ylim(min(low, 2e-17), max(high, 1e-14))
-        axes.axhline(2.0**-53, color=style.GREY, lw=1.0, ls=(0, (6, 4)), zorder=3)
+        down_to_rounding(axes)
         axes.set_title(name)
+        axes.set_ylabel("relative change")
         axes.grid(axis="y", color=style.FAINT, lw=0.6)
+    energy.tick_params(labelbottom=False)
     momentum.set_xlabel(words.since(system, unit))
     if len(runs) > 1:
         energy.legend(loc="best", fontsize=13)
+
+
+def down_to_rounding(axes: Axes) -> None:
+    """Give relative errors, none of which is negative, a logarithmic scale down to the rounding of one float64, and
+    from there to zero a linear one, with a band.
+    """
+    from matplotlib.ticker import FixedLocator, NullLocator
+
+    high = axes.dataLim.y1 if np.isfinite(axes.dataLim.y1) else 0.0
+    top = max(2.0 * high, 1e-14)
+    powers = np.arange(-15, math.floor(math.log10(top)) + 1)
+    axes.set_yscale("symlog", linthresh=ROUNDING, linscale=0.6)
+    axes.set_ylim(-0.06 * ROUNDING, top)
+    shown = powers[:: -(-len(powers) // MOST_POWERS)]
+    axes.yaxis.set_major_locator(FixedLocator([0.0, *(10.0**power for power in shown.tolist())]))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.axhspan(-ROUNDING, ROUNDING, color=style.FAINT, alpha=0.7, lw=0, zorder=0)
 
 
 def flatness(axes: Axes, t: Array, series: Array, title: str, components: Sequence[str] = ("x", "y", "z")) -> None:
@@ -202,7 +220,7 @@ def flatness(axes: Axes, t: Array, series: Array, title: str, components: Sequen
     for component, colour, name in zip(change.T, (style.BLUE, style.VERMILION, style.GREEN), components, strict=False):
         axes.plot(t, component, color=colour, lw=1.2, label=name if values.shape[1] > 1 else None)
     reach = max(10.0, 1.3 * float(np.abs(change).max()))
-    band = 2.0**-53 * 1e16
+    band = ROUNDING * 1e16
     axes.axhspan(-band, band, color=style.FAINT, alpha=0.7, lw=0, zorder=0)
     axes.set_ylim(-reach, reach)
     axes.set_title(title)
@@ -212,15 +230,14 @@ def flatness(axes: Axes, t: Array, series: Array, title: str, components: Sequen
         axes.legend(loc="upper right", ncols=3, fontsize=13, borderpad=0.0, handlelength=1.2, columnspacing=1.2)
 
 
-def relative_change(series: Array, scale: float | None = None, floor: float = 2.5e-17) -> Array:
-    """Return |x_k - x_0| / |x_0| of a scalar or vector series, at least `floor`, so that zero shows on a log axis.
+def relative_change(series: Array, scale: float | None = None) -> Array:
+    """Return |x_k - x_0| / |x_0| of a scalar or vector series.
 
     scale : replaces |x_0|, which may cancel to zero; see `ConservedQuantities`
     """
     values = series.reshape(len(series), -1)
     size = (float(np.linalg.norm(values[0])) if scale is None else scale) or 1.0
-    change: Array = np.linalg.norm(values - values[0], axis=1) / size
-    return np.maximum(change, floor)
+    return np.asarray(np.linalg.norm(values - values[0], axis=1) / size)
 
 
 def in_plane(system: System, q: Array, frame: str | None = None) -> Array:
@@ -319,7 +336,8 @@ def _draw_cloud(axes: Axes, system: System, points: Array, cloud: list[int]) -> 
         return ""
     label = counted(system, cloud)
     look: dict[str, Any] = {"mew": 0, "color": style.GREY}
-    axes.plot(points[cloud, 0], points[cloud, 1], ".", ms=3, alpha=0.7, zorder=1, **look)
+    size = max(2.0, min(5.0, 100.0 / len(cloud) ** 0.5))
+    axes.plot(points[cloud, 0], points[cloud, 1], ".", ms=size, alpha=0.7, zorder=1, **look)
     axes.plot([], [], ".", ms=8, label=label, **look)
     return f"grey points: {label}, without a line" if system.massive[cloud].any() else ""
 

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Any
 
 from astropy import units as u
 
 from orbits.body_names import with_article
+from orbits.errors import InputError
 from orbits.integrators import registry
 from orbits.units import date_text
 
 if TYPE_CHECKING:
+    from orbits.integrators.base import Integrator
     from orbits.system import System
+    from orbits.trajectory import Trajectory
 
 SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
 LONGEST_NAME = 28
@@ -69,6 +74,21 @@ def method_words(label: str) -> str:
         elif isinstance(value, ast.Constant) and value.value is not None:
             parts.append(_parameter(given.arg or "", value.value))
     return ", ".join(parts)
+
+
+def in_title(integrator: Integrator) -> str:
+    """Return a method as in a title: "Wisdom–Holman", without the options that it has by default; stages are told."""
+    cls = type(integrator)
+    with suppress(TypeError, InputError):  # methods that need arguments
+        if "stages" not in integrator.parameters() and integrator == cls():
+            return method_words(f"{cls.__name__}()")
+    return method_words(integrator.label)
+
+
+def made_by(run: Trajectory) -> str:
+    """Return method and step of a run as in a title: "Gauss, 8 stages, dt = 6 d"."""
+    step = "" if math.isnan(run.step) else f", dt = {in_fitting_time(abs(run.step), run.system.units.time)}"
+    return in_title(run.integrator) + step
 
 
 def _parameter(name: str, value: Any) -> str:

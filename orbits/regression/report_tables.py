@@ -1,4 +1,4 @@
-"""A report as rich tables, readable at 100 columns."""
+"""A report as rich tables, readable at 80 columns."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from rich import box
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
 from rich.table import Table
 from rich.text import Text
 
@@ -24,6 +24,13 @@ BODIES_IN_FULL = 12
 
 COLUMNS = 8
 """The most methods side by side in a table of bodies; others have one below, as narrower columns cannot be read."""
+
+LEAST_OF_METHOD, LEAST_OF_VERDICT = 15, 6
+"""The least width of a column of methods, that of `Gauss(stages=8)`, and of verdicts, of which "not judged" has two
+lines: so the table of methods fits into 80 columns."""
+
+COMFORTABLE = 92
+"""The width of a console below which columns stand closer together."""
 
 _STYLE = {"ok": "green", "FAIL": "bold red", "n/a": "dim"}
 
@@ -63,12 +70,12 @@ def html(report: Report) -> str:
 
 def _methods(report: Report) -> Table:
     table = _table(str(report.settings.get("title") or "Comparison"))
-    table.add_column("\nmethod", overflow="fold")
+    table.add_column("\nmethod", overflow="fold", min_width=LEAST_OF_METHOD)
     position = f"max |Δq|\n{report.length_unit}" if report.length_unit else "max\n|Δq|"
     for head in ("\nsteps", "wall\ns", "compile\ns", "max\n|ΔE/E|", "max\n|ΔL/L|", position):
         table.add_column(head, justify="right", no_wrap=True)
     table.add_column("of\nbody", overflow="fold", max_width=12)
-    table.add_column("\nverdict", no_wrap=True)
+    table.add_column("\nverdict", min_width=LEAST_OF_VERDICT)
     for row in report.rows:
         measured = (row.wall_s, row.compile_s, row.energy, row.angular_momentum, row.position)
         table.add_row(
@@ -141,8 +148,17 @@ def _in(report: Report) -> str:
     return f" in {report.length_unit}" if report.length_unit else ""
 
 
+class _Table(Table):
+    """A table whose columns stand closer together on a narrow console."""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        if options.max_width < COMFORTABLE:
+            self.padding = (0, 0, 0, 0)
+        yield from super().__rich_console__(console, options)
+
+
 def _table(title: str) -> Table:
-    return Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    return _Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
 def short(x: float | None) -> str:

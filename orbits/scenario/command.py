@@ -44,8 +44,7 @@ Duration = Annotated[
 Method = Annotated[
     str | None,
     typer.Option(
-        help="One method instead of the scenario's: gauss, 'gauss(stages=4)', 'wisdom-holman(kernel=lazy)'. `orbits "
-        "list` has all.",
+        help="One method instead of the scenario's: gauss, 'gauss(stages=4)', wisdom-holman. `orbits list` has all.",
         metavar="METHOD",
     ),
 ]
@@ -316,6 +315,8 @@ def show_certificates(outcome: CertifyOutcome) -> None:
 
 def show(outcome: Outcome | StudyOutcome) -> None:
     """Print tables, checks, files and the verdict on standard output."""
+    from rich.padding import Padding
+
     console = stdout()
     if isinstance(outcome, StudyOutcome):
         for table in outcome.result.tables:
@@ -333,12 +334,21 @@ def show(outcome: Outcome | StudyOutcome) -> None:
         mark = "[green]holds[/]" if check.ok else "[bold red]FAILS[/]"
         console.print(f"{mark}  {_escaped(check.claim)}" + (f": {_escaped(check.measured)}" if check.measured else ""))
     console.print()
-    for path in outcome.files:
-        console.print(f"wrote {_escaped(str(path))}")
+    for folder, names in _by_folder(outcome.files).items():
+        console.print(f"wrote to {_escaped(folder)}:", soft_wrap=True)
+        console.print(Padding(_escaped(", ".join(names)), (0, 0, 0, 2)))
     if outcome.ok:
         console.print("[bold green]ok:[/] all requirements of this scenario hold")
     for failure in outcome.failures:
         console.print(f"[bold red]FAILED:[/] {_escaped(failure)}")
+
+
+def _by_folder(files: Sequence[Path]) -> dict[str, list[str]]:
+    """Return the names of files by their folders."""
+    found: dict[str, list[str]] = {}
+    for path in files:
+        found.setdefault(str(path.parent), []).append(path.name)
+    return found
 
 
 def show_options(scenario: Scenario | Study, *, as_json: bool = False) -> None:

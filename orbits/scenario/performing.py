@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from orbits.errors import InputError, OrbitsError, shown
+from orbits.errors import InputError, OrbitsError, counted, shown, with_unit
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -101,6 +101,7 @@ def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Tell
         runs.begin_anew()
     report.unlink(missing_ok=True)
     parts = {name: _parts(scenario, name, systems[name], grids[name], folder, say) for name in systems}
+    say(_plan(scenario, systems, grids, plot))
     try:
         outcome = _performed(scenario, folder, plot, pace, say, (runs, parts))
     except KeyboardInterrupt as stopped:
@@ -109,6 +110,21 @@ def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Tell
     for each in parts.values():
         each.remove()
     return outcome
+
+
+def _plan(scenario: Scenario, systems: Mapping[str, System], grids: Mapping[str, TimeGrid], plot: bool) -> str:
+    """Return in a line what is going to be done."""
+    from orbits.plotting.words import fitting_time
+
+    grid, unit = next(iter(grids.values())), next(iter(systems.values())).units.time
+    factor, fitting = fitting_time(grid.end, unit)
+    most = max(len(each) for each in systems.values())
+    bodies = f"{len(systems)} cases of " * (len(systems) > 1) + ("1 body" if most == 1 else f"{most:,} bodies")
+    then = ["comparison with " + ", ".join(scenario.against)] * bool(scenario.against)
+    then += ["checks"] * (scenario.checks is not None) + ["pictures"] * plot
+    after = f"; then {', '.join(then)}" if then else ""
+    methods = counted(len(scenario.integrators), "method")
+    return f"{bodies}, over {with_unit(f'{factor * grid.end:.4g}', fitting)}, by {methods}{after}"
 
 
 def _performed(

@@ -95,6 +95,14 @@ def test_a_grid_of_elements_is_made_of_particles_at_its_points():
     np.testing.assert_allclose(found.e[-6:].value, [0, 0.1, 0.2] * 2, atol=1e-13)
 
 
+def test_members_of_a_grid_are_named_by_their_values_also_if_some_are_close_or_the_same():
+    grid = ensemble.grid(giants(), primary="Sun", a=[2.0, 2.5] * u.au, e=[0.1, 0.1 + 1e-9])
+    assert grid.names[0] == "a=2 AU e=0.1"
+    assert grid.names[3] == "a=2.5 AU e=0.100000001"
+    assert ensemble.grid(giants(), primary="Sun", a=3.0 * u.au, e=[0.1, 0.1]).names == ["e=0.1 (0)", "e=0.1 (1)"]
+    assert ensemble.grid(giants, mass=[1e-5], kind=["a", "b"]).names == ["mass=1e-05 kind=a", "mass=1e-05 kind=b"]
+
+
 def test_a_map_of_a_grid_has_its_shape_and_units(tmp_path):
     axes = {"a": np.linspace(2.2, 3.2, 4) * u.au, "e": np.linspace(0.0, 0.2, 5)}
     grid = ensemble.grid(giants(), primary="Sun", **axes)

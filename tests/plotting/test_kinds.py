@@ -93,12 +93,42 @@ def test_lines_of_elements_are_the_elements_of_the_run(kepler):
     assert "ecliptic of J2000" in figure.axes[0].get_title(loc="left")
 
 
+@pytest.fixture(scope="module")
+def two_planets():
+    bodies = {"star": {"gm": 1.0}, "b": {"a": 1.0, "e": 0.05, "gm": 1e-4}, "c": {"a": 8.0, "e": 0.1, "gm": 1e-4}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    return orbits.propagate(system, duration=500.0, samples=201)
+
+
+def test_each_body_has_a_scale_of_its_own_where_a_common_one_would_flatten_its_changes(two_planets):
+    figure = seen.laid_out(two_planets.plot("elements", elements=("a", "e")))
+    panels = np.array(figure.axes).reshape(2, 2)
+    assert [axes.get_title(loc="left") for axes in panels[0]] == ["semi-major axis a", "eccentricity e"]
+    assert [axes.get_xlabel() for axes in panels[1]] == ["time", "time"]
+    known = two_planets.elements("star")
+    for row, name in zip(panels, "bc", strict=True):
+        assert row[0].get_ylabel().startswith(name)
+        for axes, key in zip(row, ("a", "e"), strict=True):
+            drawn = line_of(axes, name).get_data()[1]
+            assert np.allclose(drawn, getattr(known[name], key).value, rtol=1e-13)
+            assert np.ptp(axes.get_ylim()) < 1.2 * np.ptp(drawn)  # margins of 5 % on both sides
+    assert seen.colliding_tick_labels(figure) == []
+    assert seen.outside(figure) == []
+
+
+def test_bodies_share_a_scale_on_which_their_changes_are_seen_or_are_rounding_alone(two_planets, kepler):
+    assert len(two_planets.plot("elements", elements=("l",)).axes) == 1
+    assert len(two_planets.plot("elements", elements=("a", "e"), bodies=["b"]).axes) == 2
+    assert len(kepler.plot("elements", elements=("a", "e", "inc")).axes) == 3  # two-body motion: constant
+
+
 def test_the_upper_edge_of_a_time_axis_has_the_years_of_the_calendar(kepler):
     figure = seen.laid_out(kepler.plot("elements"))
     (upper,) = figure.axes[0].child_axes
     assert [label.get_text() for label in upper.get_xticklabels() if label.get_text() in ("2000", "2100")]
     low, high = upper.get_xlim()
     assert low < 2000.0 < 2100.0 < high
+    assert upper.get_xlabel() == "year"
 
 
 def test_a_line_is_interrupted_where_its_angle_goes_over_the_edge():
@@ -110,18 +140,18 @@ def test_a_line_is_interrupted_where_its_angle_goes_over_the_edge():
 
 def test_elements_go_through_mergers_with_the_masses_of_each_moment_and_mark_the_end_of_a_body(merged):
     figure = merged.plot("elements")
-    axes = panel(figure, "axis a")
+    of_a, of_b = (next(axes for axes in figure.axes if axes.get_ylabel() == name) for name in ("a", "b"))
     for k in (0, -1):
         alone = merged[k].elements("star")
-        assert line_of(axes, "b").get_data()[1][k] == pytest.approx(alone["b"].a.value.item(), rel=1e-13)
-    drawn = line_of(axes, "a").get_data()[1]
+        assert line_of(of_b, "b").get_data()[1][k] == pytest.approx(alone["b"].a.value.item(), rel=1e-13)
+    drawn = line_of(of_a, "a").get_data()[1]
     assert np.isnan(drawn[-1])
-    crosses = [line for line in axes.lines if line.get_marker() == "x"]
+    crosses = [line for line in of_a.lines if line.get_marker() == "x"]
     assert len(crosses) == 1
     last = np.flatnonzero(np.isfinite(drawn))[-1]
     assert crosses[0].get_data()[0] == pytest.approx(merged.times[last])
-    triangles = [line for line in axes.lines if line.get_marker() == "^"]
-    assert len(triangles) == 1
+    triangles = [line for axes in (of_a, of_b) for line in axes.lines if line.get_marker() == "^"]
+    assert triangles
     assert triangles[0].get_data()[0] == pytest.approx(merged.events.time.value[0])
     assert any("triangles: merger" in text for text in seen.texts(figure))
 
@@ -184,7 +214,7 @@ def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
     exact = orbits.propagate(system, **given)
     figure = run.plot("error", reference=exact)
     energy, positions = figure.axes
-    assert (energy.get_xscale(), energy.get_yscale(), positions.get_yscale()) == ("log",) * 3
+    assert (energy.get_xscale(), energy.get_yscale(), positions.get_yscale()) == ("log", "symlog", "log")
     drawn = line_of(positions, "planet").get_data()[1]
     assert np.allclose(drawn, np.linalg.norm((run["planet"].q - exact["planet"].q).value, axis=1)[1:])
     largest = line_of(energy, "energy").get_data()[1]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -124,9 +125,10 @@ def test_a_run_without_samples_is_refused_in_words():
         orbits.Trajectory(run.system, *empty, step=1.0, integrator=run.integrator).plot()
 
 
-def test_the_dashed_line_of_a_run_and_the_ellipses_are_explained():
+def test_the_band_of_a_run_and_the_ellipses_are_explained():
     told = " ".join(seen.texts(physical(365.25).plot())).replace("\n", " ")
-    for words in ("dashed: 2⁻⁵³, the rounding of one float64", "thin ellipses: the osculating", "discs: the bodies"):
+    band = "grey band: up to 2⁻⁵³, the rounding of one float64"
+    for words in (band, "thin ellipses: the osculating", "discs: the bodies"):
         assert words in told
     assert "energy and angular momentum: of the massive bodies" in told  # the planets are massless here
 
@@ -198,3 +200,60 @@ def test_the_offset_of_an_axis_is_in_its_label():
     assert {each.get_offset_text().get_text() for each in (eccentricity, axis)} == {""}
     seen.laid_out(figure)  # again
     assert eccentricity.get_label_text() == "eccentricity e\n− 0.2864788976 [10⁻¹³]"
+
+
+def test_paths_follow_the_motion_within_the_steps_where_samples_are_more_than_a_revolution_apart():
+    """A planet of the year 1 with samples 7.5 apart, on an ellipse; three bodies on an eight, with five samples."""
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.6, "gm": 0.0}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    run = orbits.propagate(system, duration=60.0, samples=9)
+    line = max(drawn_of(run), key=lambda line: np.isfinite(line).all(axis=1).sum())
+    r = np.linalg.norm(line, axis=1)
+    # The conic r = p - e x, which straight lines between samples would miss by 0.5.
+    assert np.abs(r - (1 - 0.36) + 0.6 * line[:, 0]).max() < 1e-9
+    turned = np.unwrap(np.arctan2(line[:, 1], line[:, 0]))
+    assert abs(turned[-1] - turned[0]) > 9 * 2 * np.pi
+    eight = on_an_eight()
+    fine = eight.at(np.linspace(0.0, 6.3259, 1001)).q.value[:, 0, :2]
+    for line in drawn_of(eight):
+        whole = [np.linspace(a, b, 20) for a, b in pairwise(line) if np.linalg.norm(b - a) > 0.02]
+        apart = np.linalg.norm(fine[:, None] - np.concatenate([line, *whole])[None], axis=2)
+        # All three go round the same curve: the points of the line are on it, and none of it is left out.
+        assert np.nanmax(np.nanmin(apart, axis=0)) < 0.01
+        assert np.nanmax(np.nanmin(apart, axis=1)) < 0.01
+
+
+def on_an_eight():
+    (x, y), (u, v) = (0.97000436, -0.24308753), (-0.93240737, -0.86473146)
+    q, p = [[x, y, 0], [-x, -y, 0], [0, 0, 0]], [[-u / 2, -v / 2, 0], [-u / 2, -v / 2, 0], [u, v, 0]]
+    system = orbits.System(["a", "b", "c"], [1.0, 1.0, 1.0], q, p, units=orbits.DIMENSIONLESS)
+    return orbits.propagate(system, duration=6.3259, samples=5)
+
+
+def drawn_of(run):
+    """Return the lines of a picture of paths, (n, 2) each, of hundreds of points."""
+    axes = run.plot().axes[0]
+    return [np.column_stack(line.get_data()) for line in axes.lines if len(line.get_xdata()) > 100]
+
+
+def test_a_run_of_too_many_revolutions_is_not_marched_again_for_its_picture(monkeypatch):
+    bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.1, "gm": 0.0}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    run = orbits.propagate(system, "wisdom-holman", dt=0.3, duration=5000.0, samples=11)
+    monkeypatch.setattr(orbits.Trajectory, "at", lambda *_: pytest.fail("795 revolutions"))
+    assert "dots: samples too far apart for a line" in " ".join(seen.texts(run.plot()))
+
+
+@pytest.mark.parametrize("kind", ["paths", "error"])
+def test_errors_of_zero_are_at_zero_within_the_band_of_rounding(kind):
+    figure = on_an_eight().plot(kind)
+    panels = [axes for axes in figure.axes if axes.get_ylabel() == "relative change"]
+    assert panels
+    for axes in panels:
+        low, high = axes.get_ylim()
+        assert low < 0.0 < 2.0**-53 < high
+        assert [patch.get_height() for patch in axes.patches] == [2.0 * 2.0**-53]  # to both sides of zero
+        changes = np.concatenate([line.get_ydata() for line in axes.lines if line.get_linestyle() == "-"])
+        # Whole numbers of roundings, or exactly none: nothing is put at a floor above zero.
+        assert (changes == 0.0).any()
+        assert (changes[changes > 0.0] > 1e-18).all()

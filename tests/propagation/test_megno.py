@@ -15,6 +15,7 @@ from orbits.marching.clocks.constant import Place
 from orbits.marching.tangents.in_maps import MapTangents
 from orbits.marching.tangents.of_particles import ParticleTangents
 from orbits.propagation.events.particles import with_light
+from orbits.propagation.variations.megno import Megno, TangentGrowth
 from orbits.resources import data_path
 from orbits.system.model import model
 from orbits.time_grid import dynamical_time
@@ -115,6 +116,16 @@ def test_the_lyapunov_time_of_helga_is_the_published_one():
     assert helga.megno[-1] > 15.0
     assert (np.diff(helga.megno) > 1.0).all()
     assert abs(m.massive.megno[-1] - 2.0) < 0.01
+
+
+@pytest.mark.parametrize(("megno", "shown"), [(1.97, "–"), (2.06, "–"), (0.4, "–"), (9.5, "50"), (float("nan"), "–")])
+def test_a_lyapunov_time_is_printed_of_chaotic_orbits_alone(megno, shown):
+    """On a regular orbit 1/lyapunov is t / ln(t), however long the run is: no time of the orbit."""
+    system = orbits.System.from_elements({"star": {"gm": 1.0}, "b": {"a": 1.0, "gm": 1e-3}}, units=orbits.DIMENSIONLESS)
+    t, values = u.Quantity([0.0, 1000.0]), np.array([np.nan, megno])
+    one = TangentGrowth("all massive bodies", t, values, np.zeros(2), u.Quantity([np.nan, 0.02]))
+    last = str(Megno(system, one, (), "by hand")).splitlines()[-1]
+    assert last.split()[-1] == shown
 
 
 def test_megno_of_a_chaotic_orbit_grows_as_half_the_lyapunov_exponent(chaotic):

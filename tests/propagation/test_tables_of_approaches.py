@@ -58,3 +58,19 @@ def test_without_units_there_are_no_lunar_distances():
     table = orbits.propagate(pair, duration=10.0, samples=2).closest_approaches().to_table()
     assert "lunar_distances" not in table.colnames
     assert "v_infinity" in table.colnames
+
+
+def test_positions_at_the_start_are_no_flybys_but_are_known_of_each_body():
+    """Two planets begin in conjunction and part."""
+    bodies = {"star": {"gm": 1.0}, "b": {"a": 1.0, "gm": 1e-6}, "c": {"a": 1.2, "gm": 1e-3}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    parting = orbits.propagate(system, duration=3.0).closest_approaches()
+    assert len(parting) == 0
+    assert "none" in repr(parting)
+    first = parting["c"][0]
+    assert {first.body, first.other} == {"b", "c"}
+    assert first.time.value == 0.0
+    run = orbits.propagate(system, duration=35.0, samples=3501)
+    apart = np.linalg.norm((run["b"].q - run["c"].q).value, axis=1)
+    (again,) = run.closest_approaches()  # within the reach of c, three Hill radii
+    assert again.time.value == pytest.approx(run.times[500 + apart[500:].argmin()], abs=0.01)  # a sample every 0.01

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from io import StringIO
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from orbits.errors import InputError
 from orbits.json_text import json_text
@@ -23,6 +25,15 @@ def test_the_table_fits_into_100_columns_and_names_every_method(names, massive):
     for part in ("Gauss(stages=8)", "corrector17", "1,234,567", "A remark.", "own error 2.0e-04 km", "outweighs"):
         assert part in text
     assert str(make(names, massive)) == text
+
+
+def test_the_table_of_methods_fits_into_80_columns_with_whole_names():
+    console = Console(width=80, file=StringIO())
+    console.print(make(NINE, NINE))
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 80
+    assert any(line.startswith(" Gauss(stages=8) ") for line in lines)
+    assert any(line.split()[:2] == ["REBOUND", "whfast"] for line in lines)
 
 
 @pytest.mark.parametrize("count", [7, 8, 20])

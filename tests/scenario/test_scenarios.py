@@ -419,6 +419,7 @@ def test_each_stage_is_told_before_it_begins_and_what_is_left_of_it_is_measured(
     heartbeat = orbits.Heartbeat(every="1 h", first=1e-9, to=said.append)
     perform(pair(**SEVERAL, dt=0.0625), out=tmp_path, plot=False, say=said.append, heartbeat=heartbeat)
     stages = [
+        f"2 bodies, over 2, by {len(SEVERAL['integrators'])} methods; then comparison with leapfrog, ias15",
         *(f"{method.label}: 2 bodies, 32 steps of 0.0625" for method in SEVERAL["integrators"]),
         "comparing with leapfrog, ias15", "reference, exact: 2 bodies, 5 samples",
         "REBOUND leapfrog: 2 bodies, 32 steps", "REBOUND ias15: 2 bodies, steps of its own",

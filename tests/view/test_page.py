@@ -306,7 +306,7 @@ def test_approaches_among_many_massive_bodies_are_as_recorded_and_the_page_says_
 ) -> None:
     """To march all of them again would take as long as the run."""
     monkeypatch.setattr("orbits.viewing.approaches.MOST_MASSIVE", 2)
-    q, v = [[0, 0, 0], [1, 0, 0], [1.02, 0, 0]], [[0, 0, 0], [0, 1, 0], [0, 1.02, 0.1]]
+    q, v = [[0, 0, 0], [1, 0, 0], [1.02, -0.01, -0.05]], [[0, 0, 0], [0, 1, 0], [0, 1.02, 0.1]]
     system = orbits.System(["star", "b", "c"], gm=[1, 1e-6, 1e-6], q=q, v=v, units=orbits.DIMENSIONLESS)
     run = orbits.propagate(system, dt=0.01, duration=12.0, samples=7, progress=False, check_step=False)
     found = data_of(orbits.view(run, show=False).html())["header"]["approaches"]

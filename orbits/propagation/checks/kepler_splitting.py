@@ -26,7 +26,7 @@ from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.checks.crossing_orbits import Orbits, close_pairs, orbits_of
-from orbits.propagation.checks.step_check import in_digits
+from orbits.propagation.checks.step_check import in_digits, rounded_down
 from orbits.propagation.results.approach import Approach
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
         turn = 2.0 * math.pi / float(angles[fastest])
         body, passed = system.names[orbits.row[fastest]], in_digits(float(orbits.pericentre[fastest]), units.length)
         enough = abs(h) * turn / least
-        remedy = f"dt <= {_at_most(enough, units.time)} resolves it, or" if enough > 0.0 else "No step resolves it:"
+        remedy = f"dt <= {rounded_down(enough, units.time)} resolves it, or" if enough > 0.0 else "No step resolves it:"
         yield Finding(
             f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {body} passes "
             f"{centre}, at {passed}, a full turn would take {turn:.2g} steps; fewer than "
@@ -144,7 +144,7 @@ def _particles_too_fast(system: System, integrator: Integrator, h: float, span: 
     if not worst:
         return
     enough = abs(h) * float(steps[worst[0]]) / least
-    remedy = f"dt <= {_at_most(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
+    remedy = f"dt <= {rounded_down(enough, units.time)} resolves all, or" if enough > 0.0 else "No step does for all:"
     instead = f"{_following(integrator)} lets each take steps of its own there"
     yield Finding(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {counted(len(worst), 'massless particle')} by "
@@ -289,12 +289,6 @@ def _remedy_for_particles(integrator: Integrator) -> str:
     if follow.startswith("W"):
         return f'Use {follow}, or retire them, with encounters="retire".'
     return f'Let these take steps of their own there, with {follow}; or retire them, with encounters="retire".'
-
-
-def _at_most(step: float, unit: object) -> str:
-    """Return a step to two digits, rounded down: one that is rounded up would not do."""
-    digit = 10.0 ** (math.floor(math.log10(step)) - 1)
-    return in_digits(math.floor(step / digit) * digit, unit, 2)
 
 
 def _dominant(system: System) -> int:

@@ -1,13 +1,17 @@
 """The effect of a close passage on the rest of a run.
 
-The pair alone is marched through its passage, with the method, step and phase of the run, and compared with the exact
-two-body orbit. The difference is propagated along the orbit about the primary to the end of the run: a passage is
-judged by the position error that it causes there. For a fast flyby of a planet, and for a single pericentre, this
-agrees within some percent with the actual error of the run. It is far too small where two bodies pass each other many
-Hill radii apart in steps of weeks, which is not two-body motion.
+The bodies of the passage are marched through it, with the method, step and phase of the run, and compared with the
+exact motion. The difference is propagated along the orbit about the primary to the end of the run: a passage is judged
+by the position error that it causes there. The primary is the other body if the two are bound to each other, else the
+body that dominates the system.
 
-The primary is the other body if the two are bound to each other, else the body that dominates the system. The growth of
-the error in later encounters is not included.
+Two bodies are a pair alone if one of them dominates the system, or they are bound to each other; their exact motion is
+a conic. In a flyby of a third body the dominant one takes part: in steps of weeks it bends the way of a comet past a
+planet, which no conic about the planet follows. Their exact motion is marched in steps that are chosen one by one.
+
+Not included are what other bodies do meanwhile, and the growth of the error in later encounters; and errors of several
+passages may cancel. Where one passage dominates, the effect was 0.85 to 1.2 times the error of the run in all runs that
+were tried: flybys of Venus, the Earth and Jupiter and pericentres, errors of 1 to 1e9 km, methods of orders 2 to 16.
 """
 
 from __future__ import annotations
@@ -26,7 +30,10 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
 from orbits.kernels.search.apsides import apsides_of
+from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Place
 from orbits.point_masses import PointMasses
+from orbits.propagation.events.particles import LIGHT
 from orbits.propagation.marchers import march_of
 
 Array = NDArray[np.float64]
@@ -36,6 +43,9 @@ SPOILT = 100.0
 
 NEGLIGIBLE = 1e-9
 """Errors below this fraction of the distance to the primary are not reported."""
+
+METHOD = Gauss(stages=8)
+"""The method of exact motions."""
 
 GROWTH = 6.0
 """A velocity error displaces a body by at most this factor times the error times the remaining time."""
@@ -88,6 +98,7 @@ class Pair:
     softening : length
     dominant_gm : GM of the body that dominates the system, 0 if none does
     other_q, other_v : (3,) of the other body relative to the dominant body; zeros if it is the dominant body
+    seen : time to the pericentre, distance and speed there, if they were recorded; else they are those of the conic
     """
 
     mu: float
@@ -98,29 +109,73 @@ class Pair:
     dominant_gm: float = 0.0
     other_q: Array = field(default_factory=lambda: np.zeros(3))
     other_v: Array = field(default_factory=lambda: np.zeros(3))
+    seen: tuple[float, float, float] | None = None
 
     def after(self, time: float) -> Pair:
-        """Return the pair after a time of either sign, by exact two-body orbits."""
+        """Return the pair after a time of either sign, by its exact motion."""
+        seen = None if self.seen is None else (self.seen[0] - time, *self.seen[1:])
+        if self.is_flyby:
+            return replace(self._of_three(*_flown(self._three, time)), seen=seen)
         q, v = _flow(self.mu, self.softening, self.q, self.v, time)
         if not self.other_q.any():
-            return replace(self, q=q, v=v)
+            return replace(self, q=q, v=v, seen=seen)
         other_q, other_v = any_two_body(self.other_q, self.other_v, self.dominant_gm + self.share * self.mu, time)
-        return replace(self, q=q, v=v, other_q=other_q, other_v=other_v)
+        return replace(self, q=q, v=v, other_q=other_q, other_v=other_v, seen=seen)
+
+    @cached_property
+    def is_flyby(self) -> bool:
+        """Whether the dominant body is a third one, and takes part in the passage."""
+        return self.dominant_gm > 0.0 and bool(self.other_q.any()) and not self.is_bound()
+
+    @property
+    def _three(self) -> PointMasses:
+        """The dominant body, at rest at the origin, the other and the body; a massless one with a mass that moves no
+        last bit of them, so that all are one problem.
+        """
+        body = max((1.0 - self.share) * self.mu, LIGHT * self.mu)
+        gm = np.array([self.dominant_gm, max(self.share * self.mu, LIGHT * self.mu), body])
+        q = np.array([np.zeros(3), self.other_q, self.other_q + self.q])
+        return PointMasses(gm, q, np.array([np.zeros(3), self.other_v, self.other_v + self.v]), self.softening)
+
+    def _of_three(self, q: Array, v: Array) -> Pair:
+        """Return this pair with the states of the dominant body, the other and the body."""
+        return replace(self, q=q[2] - q[1], v=v[2] - v[1], other_q=q[1] - q[0], other_v=v[1] - v[0])
+
+    @property
+    def about_dominant(self) -> Pair:
+        """The body and the dominant one, which is then the other."""
+        gm = self.dominant_gm + (1.0 - self.share) * self.mu
+        q, v = self.other_q + self.q, self.other_v + self.v
+        return Pair(gm, self.dominant_gm / gm, q, v, self.softening, self.dominant_gm)
+
+    def error_after(self, integrator: Integrator, h: float, steps: int, exact: Pair) -> tuple[Array, Array]:
+        """Return the errors of q and v after some steps of the method, in a flyby those about the dominant body.
+
+        exact : the pair there
+        """
+        if self.is_flyby:
+            q, v = _marched(integrator, self._three, h, steps)
+            return q[2] - q[0] - (exact.q + exact.other_q), v[2] - v[0] - (exact.v + exact.other_v)
+        end_q, end_v = march_pair(integrator, self.mu, self.softening, self.q, self.v, h, steps)
+        return end_q - exact.q, end_v - exact.v
 
     @cached_property
     def orbit(self) -> Orbit:
         """The relative orbit."""
-        e, least, farthest, swept2, inverse_a = (float(x) for x in apsides_of(self.q, self.v, self.mu))
+        if self.seen is not None:
+            _, least, speed = self.seen
+            square = least * speed * speed / self.mu
+            return _orbit(least, speed, abs(square - 1.0), (2.0 - square) / least, self.mu)
+        e, least, _, swept2, inverse_a = (float(x) for x in apsides_of(self.q, self.v, self.mu))
         if not (least > 0.0 and math.isfinite(e)):  # into the centre, or beyond the range of floats
             return Orbit(1.0, 0.0, math.inf, math.inf, math.inf)
-        if not inverse_a > 0.0:
-            return Orbit(e, least, math.sqrt(swept2) / least, math.inf, math.inf)
-        a = 1.0 / inverse_a
-        return Orbit(e, least, math.sqrt(swept2) / least, farthest, TWO_PI * a * math.sqrt(a / self.mu))
+        return _orbit(least, math.sqrt(swept2) / least, e, inverse_a, self.mu)
 
     @cached_property
     def ahead(self) -> float:
         """The time to the nearest pericentre; negative if it is past."""
+        if self.seen is not None:
+            return self.seen[0]
         try:
             return float(elements_from_state(self.q, self.v, self.mu).T)
         except InputError:  # a radial fall, or almost no attraction: in both cases a straight line
@@ -130,7 +185,7 @@ class Pair:
     @cached_property
     def speed(self) -> float:
         """The relative speed at the pericentre; for a softened pair from its potential."""
-        if self.softening == 0.0:
+        if self.softening == 0.0 or self.seen is not None:
             return self.orbit.speed
         near = 1.0 / math.hypot(self.orbit.least, self.softening)
         here = 1.0 / math.hypot(float(np.linalg.norm(self.q)), self.softening)
@@ -163,6 +218,13 @@ class Pair:
             return True
         hill = float(np.linalg.norm(self.other_q)) * math.cbrt(self.share * self.mu / (3.0 * self.dominant_gm))
         return self.orbit.farthest < hill
+
+
+def _orbit(least: float, speed: float, e: float, inverse_a: float, mu: float) -> Orbit:
+    if not inverse_a > 0.0:
+        return Orbit(e, least, speed, math.inf, math.inf)
+    a = 1.0 / inverse_a
+    return Orbit(e, least, speed, a * (1.0 + e), TWO_PI * a * math.sqrt(a / mu))
 
 
 class Effect(NamedTuple):
@@ -219,38 +281,41 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
     if scale == 1.0 and left * h > 0.0:  # not beyond the end of the run
         after = max(1, min(after, math.ceil(left / h)))
     end = after * h
-    q, v = _flow(pair.mu, pair.softening, pair.q, pair.v, end)
+    exact = pair.after(end)
     try:
-        start = _flow(pair.mu, pair.softening, pair.q, pair.v, -steps * h)
-        marched = march_pair(integrator, pair.mu, pair.softening, *start, h, steps + after)
-        dq, dv = scale * (marched[0] - q), scale * (marched[1] - v)
+        start, count = pair.after(-steps * h), steps + after
+        dq, dv = start.error_after(integrator, h, count, exact)
+        if pair.is_flyby:  # without what the method gets wrong on the orbit about the dominant body alone
+            alone = start.about_dominant
+            usual_dq, usual_dv = alone.error_after(integrator, h, count, alone.after(count * h))
+            dq, dv = dq - usual_dq, dv - usual_dv
+        dq, dv = scale * dq, scale * dv
     except IntegrationError:
-        dq, dv = np.zeros(3), -2.0 * v  # the largest possible error
+        dq, dv = np.zeros(3), -2.0 * exact.v  # the largest possible error
     rest = left - end if (left - end) * h > 0.0 else 0.0
-    error, distance, axis, mu = _carried(pair, q, v, dq, dv, end, rest)
+    error, distance, axis, mu = _carried(exact, dq, dv, rest)
     usual = math.inf
     if mu > 0.0:
         usual = axis * _undisturbed(integrator, abs(h), math.sqrt(mu / axis) / axis, abs(span))
     return Effect(error, usual, distance)
 
 
-def _carried(
-    pair: Pair, q: Array, v: Array, dq: Array, dv: Array, end: float, rest: float
-) -> tuple[float, float, float, float]:
+def _carried(exact: Pair, dq: Array, dv: Array, rest: float) -> tuple[float, float, float, float]:
     """Return the body's position error and distance from the primary after `rest`, and the orbit's axis and GM.
 
+    exact, dq, dv : the pair after its passage, and its error, in a flyby that of the body about the dominant one
     The axis is the semi-major axis, or the distance for open orbits; GM is 0 without a primary.
     """
-    if pair.is_bound():
-        mu, share = pair.mu, pair.share
-    elif pair.dominant_gm > 0.0:
-        mu, share = pair.dominant_gm + (1.0 - pair.share) * pair.mu, 1.0
-        dq, dv = pair.share * dq, pair.share * dv
-        if pair.other_q.any():
-            other = any_two_body(pair.other_q, pair.other_v, pair.dominant_gm + pair.share * pair.mu, end)
-            q, v = q + other[0], v + other[1]
+    q, v = exact.q, exact.v
+    if exact.is_bound():
+        mu, share = exact.mu, exact.share
+    elif exact.dominant_gm > 0.0:
+        mu, share = exact.dominant_gm + (1.0 - exact.share) * exact.mu, 1.0
+        q, v = q + exact.other_q, v + exact.other_v
+        if not exact.is_flyby:
+            dq, dv = exact.share * dq, exact.share * dv
     else:
-        mu, share = 0.0, pair.share
+        mu, share = 0.0, exact.share
     size = max(_ratio(dq, q), _ratio(dv, v))
     boost = LINEAR / size if 0.0 < size < LINEAR else 1.0
     ends, _ = any_two_body(np.array([q, q + boost * dq]), np.array([v, v + boost * dv]), mu, rest)
@@ -291,11 +356,23 @@ def march_pair(
 ) -> tuple[Array, Array]:
     """Return the relative state of two bodies, here of equal masses, after some steps of the method."""
     halves = np.array([0.5 * mu, 0.5 * mu]), np.array([-0.5 * q, 0.5 * q]), np.array([-0.5 * v, 0.5 * v])
-    marcher = march_of(PointMasses(*halves, softening), integrator, h)
+    end_q, end_v = _marched(integrator, PointMasses(*halves, softening), h, steps)
+    return end_q[1] - end_q[0], end_v[1] - end_v[0]
+
+
+def _marched(integrator: Integrator, bodies: PointMasses, h: float, steps: int) -> tuple[Array, Array]:
+    """Return q and v of bodies after some steps of the method."""
+    marcher = march_of(bodies, integrator, h)
     while marcher.step < steps:
         marcher.advance(min(marcher.block, steps - marcher.step))
-    end_q, end_v = marcher.state()
-    return end_q[1] - end_q[0], end_v[1] - end_v[0]
+    return marcher.state()
+
+
+def _flown(bodies: PointMasses, time: float) -> tuple[Array, Array]:
+    """Return q and v of bodies after a time of either sign, to round-off."""
+    marcher = march_of(bodies, METHOD, Adaptive().towards(1 if time > 0.0 else -1))
+    marcher.advance_to(Place(0, time))
+    return marcher.state_at(Place(0, time))
 
 
 def _flow(mu: float, softening: float, q: Array, v: Array, time: float) -> tuple[Array, Array]:
@@ -306,7 +383,7 @@ def _flow(mu: float, softening: float, q: Array, v: Array, time: float) -> tuple
     if not steps < MOST_STEPS:
         raise InputError("the orbit of a softened pair is too long to be followed.")
     steps = max(1, math.ceil(steps))
-    return march_pair(Gauss(stages=8), mu, softening, q, v, time / steps, steps)
+    return march_pair(METHOD, mu, softening, q, v, time / steps, steps)
 
 
 def _ratio(dx: Array, x: Array) -> float:

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from orbits.propagation.checks.passage_effect import (
     effect,
     march_pair,
 )
-from orbits.propagation.results.approach import as_error, said
+from orbits.propagation.results.approach import about, as_error, two_digits
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 
@@ -61,8 +62,13 @@ QUIET = 2e-3
 SHORTER, TRIALS = 2.0**-0.5, 28
 """Factor by which steps are shortened in the search for a suitable one, and how often: down to a ten-thousandth."""
 
-MARGIN = 0.5
-"""The suggested step may use this fraction of the allowed error, as the phase of the passage in it is unknown."""
+MARGIN, MARGIN_OF_MANY = 0.5, 0.15
+"""The suggested step may use this fraction of the allowed error, as the phase of the passage in it is unknown; and of
+many pericentres, as their effects at the end are known from their mean alone."""
+
+ROUNDS, CLOSE_ENOUGH = 6, 1e-3
+"""Rounds in which a pericentre among three bodies is found, and the change of its time after which they end: the phase
+within the step is not known any better before a run."""
 
 PHASES = (0.1, 0.25, 0.4)
 """Positions of the pericentre within a step, none of them 0 or 1/2, where symmetric methods get the turn right by
@@ -110,11 +116,29 @@ def _tried(integrator: Integrator, e: float, angle: float) -> tuple[float, float
     return min(worst / max(turn, 1e-300), 1.0), turn
 
 
-def too_long(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
-    """Find whether steps of h are too long for the fastest passage within `span` from now on."""
+class Ahead(NamedTuple):
+    """The fastest passage ahead that steps do not resolve.
+
+    row, partner : numbers of the body and of the other;  distance : at their pericentre
+    angle : of a step there, infinite for a fall into the centre;  share : the error, as a fraction of the turn
+    caused : the effect on the run, or None if there is no pericentre within it;  enough : a step that resolves the
+        passage, 0 if none is found
+    """
+
+    row: int
+    partner: int
+    distance: float
+    angle: float
+    share: float
+    caused: Effect | None
+    enough: float
+
+
+def passage_ahead(system: System, integrator: Integrator, h: float, span: float) -> Ahead | None:
+    """Return the fastest passage within `span` from now on, if steps of h are too long for it."""
     row, partner, distance, speed, e = fastest_passage_of(system, span)[:5]
     if row < 0:
-        return
+        return None
     softening = system.values.softening
     if softening > 0.0:  # it limits the speed, as the potential is 1/softening deep
         mu = float(system.values.gm[row] + system.values.gm[partner])
@@ -123,43 +147,59 @@ def too_long(system: System, integrator: Integrator, h: float, span: float) -> I
     reach = math.hypot(distance, softening)  # no square underflows
     angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
     if angle < QUIET:
-        return
-    units, name, other = system.units, system.names[row], system.names[partner]
+        return None
     if system.values.gm[row] > system.values.gm[partner]:
-        name, other = other, name
+        row, partner = partner, row
     if not math.isfinite(angle):
+        return Ahead(row, partner, distance, angle, 1.0, None, 0.0)
+    share, turn = passage_error(integrator, e, angle)
+    if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
+        return None
+    pair, start = _ahead(system, row, partner, h, span)
+    caused = None if pair is None else _all_pericentres(integrator, h, pair, span - start, span)
+    if share <= TOO_LONG and (caused is None or not caused.spoils):
+        return None
+    if pair is None:
+        enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
+    else:
+        enough = step_that_resolves(integrator, h, pair, span - start, span)
+    return Ahead(row, partner, distance, angle, share, caused, enough)
+
+
+def too_long(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
+    """Find whether steps of h are too long for the fastest passage within `span` from now on."""
+    ahead = passage_ahead(system, integrator, h, span)
+    if ahead is None:
+        return
+    units, name, other = system.units, system.names[ahead.row], system.names[ahead.partner]
+    if not math.isfinite(ahead.angle):
         yield Finding(
             f"{name} falls straight into {other}: no step resolves that. Use a softening, or other initial values.",
             StepWarning,
             "fall ahead",
         )
         return
-    share, turn = passage_error(integrator, e, angle)
-    if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
-        return
-    pair, start = _ahead(system, row, partner, h, span)
-    caused = None if pair is None else _all_pericentres(integrator, h, pair, span - start, span)
-    if share <= TOO_LONG and (caused is None or not caused.spoils):
-        return
-    what = f"the method gets {percent(share)} of the turn wrong"
-    if caused is not None and caused.spoils:
-        off = said(as_error(system, caused.error))
-        what = f"that puts {name} about {off} off by the end of the run"
-    if pair is None:
-        enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
-    else:
-        enough = step_that_resolves(integrator, h, pair, span - start, span)
-    advice = instead(system, integrator)
-    remedy = f"dt <= {in_digits(enough, units.time, 2)} would resolve it{advice and f', or {advice}'}"
-    if not enough:
-        remedy = f"no step that is practical resolves it with this method{advice and f': {advice}'}"
+    what = f"the method gets {percent(ahead.share)} of the turn wrong"
+    if ahead.caused is not None and ahead.caused.spoils:
+        what = f"that alone puts {name} {about(as_error(system, ahead.caused.error))} off by the end of the run"
     yield Finding(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
-        f"{in_digits(distance, units.length)}, a full turn would take {_round(2 * math.pi / angle)} steps, and "
-        f"{what}; {remedy}.",
+        f"{in_digits(ahead.distance, units.length)}, a full turn would take {two_digits(2 * math.pi / ahead.angle)} "
+        f"steps, and {what}; {what_to_do(system, integrator, ahead.enough, 'this passage')}.",
         StepWarning,
         "passage ahead",
     )
+
+
+def what_to_do(system: System, integrator: Integrator, enough: float, what: str) -> str:
+    """Return what can be done about a step that is too long.
+
+    enough : a step that resolves `what`, 0 if none is found
+    """
+    shorter = f"take dt <= {rounded_down(enough, system.units.time)} to resolve {what}" if enough else ""
+    advice = instead(system, integrator)
+    none = f"no practical step resolves {what}: take a method of higher order, or softening"
+    return "; or ".join(words for words in (advice, shorter) if words) or none
 
 
 def instead(system: System, integrator: Integrator) -> str:
@@ -169,13 +209,15 @@ def instead(system: System, integrator: Integrator) -> str:
     return OF_HIGHER_ORDER if integrator.order < HIGH else ""
 
 
-def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> float:
+def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float, span: float, count: int = 1) -> float:
     """Return a step below |h| with which a passage does not spoil a run at any phase; 0 if none is found.
 
     pair, left, span : see `effect`
+    count : the number of such passages of the pair, which must not spoil it together
     """
     ahead = pair.ahead
     e, angle = pair.shape(h)
+    margin = MARGIN_OF_MANY if pair.is_bound() and pair.orbit.period < abs(left) else MARGIN
     longest = abs(h) * largest_resolved_angle(integrator, e, angle) / angle if angle > 0.0 else abs(h)
     for k in range(TRIALS if longest > 0.0 else 0):
         shorter = math.copysign(longest * SHORTER**k, h)
@@ -186,7 +228,7 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
         except NOT_FOLLOWED:
             return 0.0
         effects = (_all_pericentres(integrator, shorter, p, left - ahead, span) for p in moved)
-        if all(math.isfinite(f.error) and f.error <= MARGIN * f.limit for f in effects):
+        if all(math.isfinite(f.error) and count * f.error <= margin * f.limit for f in effects):
             return abs(shorter)
     return 0.0
 
@@ -237,10 +279,27 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
             ahead += math.copysign(period, h)
         if not abs(ahead) <= abs(span):
             return None, 0.0
+        if pair.is_flyby:
+            pair, ahead = _at_pericentre(pair, ahead)
+            start = math.floor(ahead / h) * h
+            return pair.after(start - ahead), start
         start = math.floor(ahead / h) * h
         return pair.after(start), start
     except NOT_FOLLOWED:
         return None, 0.0
+
+
+def _at_pericentre(pair: Pair, ahead: float) -> tuple[Pair, float]:
+    """Return a pair at its next pericentre, and the time until then, which for the conic of now is `ahead`: the third
+    body bends the way there.
+    """
+    there = pair.after(ahead)
+    for _ in range(ROUNDS):
+        more = there.ahead
+        there, ahead = there.after(more), ahead + more
+        if abs(more) < CLOSE_ENOUGH * abs(ahead):
+            break
+    return replace(there, seen=(0.0, float(np.linalg.norm(there.q)), float(np.linalg.norm(there.v)))), ahead
 
 
 def percent(share: float) -> str:
@@ -248,11 +307,12 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.995 else "all"
 
 
-def _round(count: float) -> str:
-    """Return a count to two digits, without a power of ten as long as it is readable."""
-    return f"{float(f'{count:.2g}'):,g}"
-
-
 def in_digits(x: float, unit: object, digits: int = 4) -> str:
     """Return a number to some digits, with its unit if it has one."""
     return with_unit(f"{x:.{digits}g}", unit)
+
+
+def rounded_down(step: float, unit: object) -> str:
+    """Return a step to two digits, rounded down: one that is rounded up would not do."""
+    digit = 10.0 ** (math.floor(math.log10(step)) - 1)
+    return in_digits(math.floor(step / digit) * digit, unit, 2)

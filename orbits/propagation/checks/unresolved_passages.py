@@ -14,7 +14,14 @@ from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.checks.kepler_splitting import encounters
 from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
-from orbits.propagation.checks.step_check import UNRESOLVED, in_digits, instead, passage_error, step_that_resolves
+from orbits.propagation.checks.step_check import (
+    UNRESOLVED,
+    in_digits,
+    passage_ahead,
+    passage_error,
+    step_that_resolves,
+    what_to_do,
+)
 from orbits.propagation.results.approach import Approach, as_error, said
 from orbits.propagation.results.passages_seen import observed_until
 from orbits.propagation.results.refinement import refine
@@ -28,7 +35,7 @@ LEAST_SHARE = 1e-3
 """Fraction of a noticeable error below which even a thousand passages of a pair have no noticeable effect together."""
 
 MOST_JUDGED = 300
-"""The most passages that are marched one by one after a run, in half a second; if there are more, the worst ones."""
+"""The most passages that are marched one by one after a run, in a second; if there are more, the worst ones."""
 
 FEW_STEPS = 20_000
 """The most steps that are marched again to state a passage in a warning to the accuracy of the orbit."""
@@ -55,7 +62,7 @@ def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
     if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
         return None
     passage, end = seen.passages[k], _end(run, seen)
-    pair = passage.pair(run.system, seen.dominant)
+    pair = passage.pair(run.system, run.clock, seen.dominant)
     return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
 
 
@@ -89,7 +96,7 @@ def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
     """Return whether a single passage spoils a run; without a primary, whether its deflection is wrong."""
     if math.isfinite(caused.usual):
         return caused.spoils
-    pair = seen.passages[k].pair(run.system, seen.dominant)
+    pair = seen.passages[k].pair(run.system, run.clock, seen.dominant)
     assert pair is not None
     share, turn = passage_error(run.integrator, *pair.shape(run.step))
     return share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
@@ -104,29 +111,21 @@ def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
     found = spoiling(run, seen, MOST_JUDGED)
     if not found:
         return
-    end, enough = _end(run, seen), math.inf
-    pairs: dict[frozenset[int], list[float]] = {}
+    pairs: dict[frozenset[int], list[tuple[int, float]]] = {}
     for k, error in found:
-        pairs.setdefault(_pair_of(seen, k), []).append(error)
-    worst = {_pair_of(seen, k): k for k, _ in reversed(found)}
-    shown = [worst[pair] for pair in list(pairs)[:SHOWN]]
-    refine(run, seen, [k for k in shown if _is_close_to_a_sample(run, seen.passages[k])])
+        pairs.setdefault(_pair_of(seen, k), []).append((k, error))
+    shown = list(pairs.values())[:SHOWN]
+    refine(run, seen, [k for (k, _), *_ in shown if _is_close_to_a_sample(run, seen.passages[k])])
     rows = []
-    for k in shown:
-        passage, errors = seen.passages[k], pairs[_pair_of(seen, k)]
-        pair = passage.pair(run.system, seen.dominant)
-        assert pair is not None
-        more = f" ({len(errors):,} passages, {said(as_error(run.system, sum(errors)))} together)" * (len(errors) > 1)
-        rows.append(f"{Approach.of(run.system, run.clock, passage, errors[0])}{more}")
-        left = end - run.clock.time(passage.step)
-        enough = min(enough, step_that_resolves(run.integrator, run.step, pair, left, end))
+    for (k, error), *others in shown:
+        together = said(as_error(run.system, error + sum(one for _, one in others)))
+        more = f" ({len(others) + 1:,} passages, together up to {together})" if others else ""
+        rows.append(f"{Approach.of(run.system, run.clock, seen.passages[k], error)}{more}")
+    steps = [_enough(run, seen, [k for k, _ in passages]) for passages in _hardest(seen, list(pairs.values()))]
+    if ahead := passage_ahead(run.system, run.integrator, run.step, _end(run, seen)):
+        steps.append(ahead.enough)  # its own course may have been lost
+    advice = what_to_do(run.system, run.integrator, min(steps), "it" if len(found) == 1 else "them")
     unit = run.system.units.time
-    these = "it" if len(found) == 1 else "those named"
-    remedy = f"With dt <= {in_digits(enough, unit, 2)} {these} would have been resolved"
-    if not enough:
-        remedy = "No practical step resolves them with this method: use one of higher order, or softening"
-    if advice := instead(run.system, run.integrator):
-        remedy += f". Or {advice}"
     some = len(found) >= MOST_JUDGED or seen.left_out > 0
     yield Finding(
         f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)} did not resolve {'at least ' * some}"
@@ -134,10 +133,37 @@ def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
         StepWarning,
         "passages not resolved",
         rows,
-        len(found) - sum(len(pairs[_pair_of(seen, k)]) for k in shown),
+        len(found) - sum(len(passages) for passages in shown),
         ", in run.unresolved()",
-        f"{remedy}.",
+        f"{advice[0].upper()}{advice[1:]}.",
     )
+
+
+def _hardest(seen: Seen, pairs: list[list[tuple[int, float]]]) -> list[list[tuple[int, float]]]:
+    """Return the passages of the pairs that may need the shortest steps: those with the largest errors, and those that
+    are the fastest for their distance.
+    """
+
+    def rate(passages: list[tuple[int, float]]) -> float:
+        return max(seen.passages[k].speed / max(seen.passages[k].distance, 1e-300) for k, _ in passages)
+
+    fastest = sorted(pairs[SHOWN:], key=rate, reverse=True)
+    return [*pairs[:SHOWN], *fastest[:SHOWN]]
+
+
+def _enough(run: Trajectory, seen: Seen, numbers: list[int]) -> float:
+    """Return a step with which no passage of a pair would spoil the run, nor all of them together; 0 if none is found.
+
+    numbers : of the passages of the pair that did, worst first
+    """
+    end, steps = _end(run, seen), []
+    for k in {numbers[0], min(numbers, key=lambda k: abs(seen.passages[k].step))}:
+        passage = seen.passages[k]
+        pair = passage.pair(run.system, run.clock, seen.dominant)
+        assert pair is not None
+        left, count = end - run.clock.time(passage.step), 1 if pair.is_bound() else len(numbers)
+        steps.append(step_that_resolves(run.integrator, run.step, pair, left, end, count))
+    return min(steps)
 
 
 def events_in_doubt(remarks: Sequence[str]) -> Iterator[Finding]:
@@ -212,7 +238,7 @@ def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
 
 def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
     """Return a bound of the error at the end of the run caused by a passage; 0 for one that cannot spoil it."""
-    pair = passage.pair(run.system, seen.dominant)
+    pair = passage.pair(run.system, run.clock, seen.dominant)
     if pair is None:
         return 0.0
     e, angle = pair.shape(run.step)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from astropy import units as u
 
+from orbits.errors import with_unit
 from orbits.units import date_text, written
 
 if TYPE_CHECKING:
@@ -27,6 +28,9 @@ NEAR = 0.05 * u.au
 
 MILLIMETRE, ROUND_OFF = 1e-6 * u.km, 1e-15 * u.dimensionless_unscaled
 """Errors below this are shown as "less than" it."""
+
+READABLE = 100.0, 1e10
+"""Numbers between these are written out: 1,600,000."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,11 @@ class Approach:
         named = "" if str(speed.unit) else "speed "  # a number alone would say nothing
         text = f"{self.body} to {self.other}: {distance} at {when}, {named}{speed:.3g}"
         text += ", estimated from the two-body orbit within the step" * self.estimated
-        return text if self.error is None else f"{text}; puts it {said(self.error)} off by the end of the run"
+        if self.error is None:
+            return text
+        if not np.isfinite(self.error):
+            return f"{text}; what that does to the rest of the run cannot be told"
+        return f"{text}; puts it {about(self.error)} off by the end of the run"
 
 
 def unit_of_errors(system: System) -> u.UnitBase:
@@ -105,4 +113,16 @@ def said(error: u.Quantity) -> str:
     if not np.isfinite(error):
         return "beyond all bounds"
     least = MILLIMETRE if error.unit.is_equivalent(u.km) else ROUND_OFF
-    return f"{error:.2g}".rstrip() if not error < least else f"less than {least:g}".rstrip()
+    return f"less than {least:g}".rstrip() if error < least else with_unit(two_digits(error.value), error.unit)
+
+
+def about(error: u.Quantity) -> str:
+    """Return the same where the error is an estimate: "about 1,600 km"."""
+    text = said(error)
+    return text if text.startswith("less") else f"about {text}"
+
+
+def two_digits(x: float) -> str:
+    """Return a number to two digits, without a power of ten as long as it is readable."""
+    rounded = float(f"{x:.2g}")
+    return f"{rounded:,.0f}" if READABLE[0] <= abs(rounded) < READABLE[1] else f"{rounded:g}"

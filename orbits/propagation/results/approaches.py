@@ -48,7 +48,7 @@ class Approaches:
 
     approaches["Ceres"] returns the passages of one body, closest first, and last the one by the dominant body.
     Iteration, `len`, `to_table`, print and notebooks cover all passages, closest first, except those by the dominant
-    body on orbits about it: a visitor on a hyperbola is there.
+    body on orbits about it (a visitor on a hyperbola is there) and positions at the start, from which bodies only part.
     """
 
     def __init__(self, trajectory: Trajectory, seen: Seen) -> None:
@@ -117,7 +117,7 @@ class Approaches:
 
     def __len__(self) -> int:
         """Return the number of passages in the iteration."""
-        return len(self._seen.flybys)
+        return len(self._listed)
 
     def __iter__(self) -> Iterator[Approach]:
         """Yield the passages except those of orbits about the dominant body, closest first."""
@@ -128,7 +128,7 @@ class Approaches:
         once, where to march many bodies again would take as long as the run. Those refined before are as refined.
         """
         run, seen = self._run, self._seen
-        for k in sorted(seen.flybys, key=lambda k: (seen.passages[k].distance, seen.passages[k].steps)):
+        for k in sorted(self._listed, key=lambda k: (seen.passages[k].distance, seen.passages[k].steps)):
             estimated = k in seen.estimated or k not in seen.refined
             yield Approach.of(run.system, run.clock, seen.passages[k], None, estimated)
 
@@ -184,17 +184,28 @@ class Approaches:
         return QTable(columns, meta=attributes(self._run.system))
 
     @cached_property
+    def _listed(self) -> list[int]:
+        """Indices of the passages in the iteration: without positions at the start, from which bodies only part."""
+        return [k for k in self._seen.flybys if self._seen.passages[k].steps != 0.0]
+
+    @cached_property
     def _flybys(self) -> list[int]:
         """Indices of the passages in the iteration, in order."""
+        listed = set(self._listed)
+        return [k for k in self._all_flybys if k in listed]
+
+    @cached_property
+    def _all_flybys(self) -> list[int]:
+        """The same with positions at the start."""
         refine(self._run, self._seen, self._seen.flybys)
         passages = self._seen.passages
         return sorted(self._seen.flybys, key=lambda k: (passages[k].distance, passages[k].steps))
 
     @cached_property
     def _of_body(self) -> dict[int, list[int]]:
-        """Indices of the passages in the iteration, in order, by the numbers of their bodies."""
+        """Indices of the passages of each body, in order, also at the start."""
         found: dict[int, list[int]] = {}
-        for k in self._flybys:
+        for k in self._all_flybys:
             for body in (self._seen.passages[k].body, self._seen.passages[k].other):
                 found.setdefault(body, []).append(k)
         return found

@@ -56,7 +56,7 @@ class Passage:
     state: Array | None = None
     about: Array | None = None
 
-    def pair(self, system: System, dominant: int) -> Pair | None:
+    def pair(self, system: System, clock: Clock, dominant: int) -> Pair | None:
         """Return the lighter body and the other for `passage_effect`; None if the states are not known.
 
         dominant : number of the body that dominates the system, or -1
@@ -79,6 +79,7 @@ class Passage:
             float(gm[dominant]) if dominant >= 0 else 0.0,
             other[:3],
             other[3:],
+            (clock.time(self.steps) - clock.time(self.step), self.distance, self.speed),
         )
 
 

@@ -61,6 +61,10 @@ one."""
 MOST_VECTORS = 10_000
 """More than so many would take their memory, and say nothing more: a system has 6 N independent ones."""
 
+REGULAR = 3.0
+"""The largest MEGNO that is near 2: of that of regular orbits, which comes to 2 as oscillations die down. On a chaotic
+orbit it is about half the time in units of the Lyapunov time, of which a smaller one tells nothing."""
+
 WHOLE = "all massive bodies"
 
 
@@ -84,6 +88,11 @@ class TangentGrowth:
     spread: Array
     lyapunov: u.Quantity
     passage: u.Quantity | None = None
+
+    def _lyapunov_time(self) -> str:
+        """Return the Lyapunov time at the last sample as it is printed, without its unit: "–" where MEGNO is near 2."""
+        chaotic = self.megno[-1] > REGULAR and self.lyapunov[-1] > 0.0
+        return f"{1.0 / self.lyapunov[-1].value:.3g}" if chaotic else "–"
 
     def __repr__(self) -> str:
         last = f", MEGNO {self.megno[-1]:.4g} at t = {self.t[-1]:g}" if len(self.t) else ""
@@ -151,13 +160,14 @@ class Megno:
         return html_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
-        return f"MEGNO at t = {self.t[-1]:g}, {self.made_by} (2: regular; growing with time: chaotic)"
+        meaning = "near 2: regular, without a Lyapunov time; growing with time: chaotic"
+        return f"MEGNO at t = {self.t[-1]:g}, {self.made_by} ({meaning})"
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         unit = self.system.units.time
         head = ["orbit", "MEGNO", "spread", headed("Lyapunov time", unit)]
         rows = [
-            [row.name, f"{row.megno[-1]:.4g}", f"{row.spread[-1]:.2g}", f"{1.0 / row.lyapunov[-1].value:.3g}"]
+            [row.name, f"{row.megno[-1]:.4g}", f"{row.spread[-1]:.2g}", row._lyapunov_time()]
             for row in (self.massive, *self.particles)[:MOST_ROWS]
         ]
         return head, rows, 1 + len(self.particles) - len(rows)
