@@ -36,15 +36,16 @@ from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
-from orbits.propagation.control.stop_conditions import Condition, Conditions, Stop, WallTimeOver, asks_to_stop
+from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver, asks_to_stop
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Found, Seeking
-from orbits.propagation.results.passages_seen import Record, observed_until
+from orbits.propagation.results.recording import observed_until, record_of
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore
+from orbits.results.stop import Stop
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
@@ -286,7 +287,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     if isinstance(marcher, ChangingMarch) and marcher.changed:
         trajectory.kept = None  # steps are of the bodies of the start
     else:
-        trajectory.record = Record.of(of_this_leg(marcher), observed_until(trajectory))
+        trajectory.record = record_of(of_this_leg(marcher), observed_until(trajectory))
     yield None
     try:
         with StopRequest() as late:

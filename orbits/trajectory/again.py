@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
     from orbits.marching.clocks.constant import Place
     from orbits.observing import Ephemeris
-    from orbits.propagation.control.stop_conditions import Stop
-    from orbits.propagation.results.approach import Approach
-    from orbits.propagation.results.approaches import Approaches
-    from orbits.propagation.results.error_bars import ErrorBars
-    from orbits.propagation.variations.megno import Megno
-    from orbits.propagation.variations.state_transition import StateTransition
+    from orbits.results.approach import Approach
+    from orbits.results.approaches import Approaches
+    from orbits.results.error_bars import ErrorBars
+    from orbits.results.megno import Megno
+    from orbits.results.state_transition import StateTransition
+    from orbits.results.stop import Stop
     from orbits.spk import SpkFile
     from orbits.trajectory.retired import RetiredParticles
     from orbits.trajectory.trajectory import Trajectory
@@ -176,7 +176,7 @@ class MarchedAgain:
 
         Two companions are marched from the start, at 2.4 times the cost of the run: one with steps of 0.7 times the
         length, and one whose rounding errors are others. Their differences from the run tell its error; see
-        `orbits.propagation.results.error_bars.ErrorBars`. It is that of the integration: what the model leaves out, and
+        `orbits.results.error_bars.ErrorBars`. It is that of the integration: what the model leaves out, and
         what the start is wrong by, is not in it. The result is kept with this trajectory, not in archives.
         Raises InputError for a trajectory without samples, and for one that cannot be integrated again.
         """

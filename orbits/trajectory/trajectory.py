@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
     from orbits.marching.stepping.kept_steps import KeptSteps
-    from orbits.propagation.control.stop_conditions import Stop
-    from orbits.propagation.results.error_bars import ErrorBars
-    from orbits.propagation.results.passages_seen import Record
+    from orbits.results.error_bars import ErrorBars
+    from orbits.results.passages import Record
+    from orbits.results.stop import Stop
     from orbits.trajectory.again import MarchesAgain
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from orbits.marching.clocks.constant import Place
 from orbits.marching.following.own_clocks import SHORTEST
 from orbits.propagation.marchers import bound
 from orbits.propagation.results import refinement
-from orbits.propagation.results.passages_seen import Seen
+from orbits.propagation.results.recording import passages_of
 from tests.ensemble.belts import system as belt
 
 MAP = orbits.WisdomHolman(encounters="retire")
@@ -63,7 +63,7 @@ def test_an_approach_that_cannot_be_computed_again_is_as_recorded_and_says_so(mo
     assert not one.estimated
     assert "estimated" not in exact.to_table().colnames
     run.passages = None
-    recorded = [p.distance for p in Seen.by(run, run.record).passages if {p.body, p.other} == {body, other}]
+    recorded = [p.distance for p in passages_of(run, run.record).passages if {p.body, p.other} == {body, other}]
     lost = refinement._Least(0.0, np.nan, np.nan)
     monkeypatch.setattr(refinement, "_least", lambda *_: lost)
     found = run.closest_approaches()

@@ -15,7 +15,7 @@ from orbits import diagnostics
 from orbits.archive import ArchiveWriter
 from orbits.archive.samples import Samples
 from orbits.errors import ArchiveError, InputError, OrbitsError, OutOfRangeError, UnknownNameError
-from orbits.propagation.results.approaches import Rows
+from orbits.results.approaches import Rows
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 

@@ -34,7 +34,7 @@ from orbits.propagation.checks.passage_effect import (
     effect,
     march_pair,
 )
-from orbits.propagation.results.approach import as_error, said
+from orbits.results.approach import as_error, said
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 

@@ -13,14 +13,14 @@ from orbits.finding import SHOWN, Finding
 from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.checks.kepler_splitting import encounters
-from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
+from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, Pair, effect
 from orbits.propagation.checks.step_check import UNRESOLVED, in_digits, instead, passage_error, step_that_resolves
-from orbits.propagation.results.approach import Approach, as_error, said
-from orbits.propagation.results.passages_seen import observed_until
+from orbits.propagation.results.recording import observed_until
 from orbits.propagation.results.refinement import refine
+from orbits.results.approach import Approach, as_error, said
 
 if TYPE_CHECKING:
-    from orbits.propagation.results.passages_seen import Passage, Seen
+    from orbits.results.passages import Passage, Seen
     from orbits.trajectory import Trajectory
     from orbits.trajectory.retired import RetiredParticle
 
@@ -55,7 +55,7 @@ def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
     if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
         return None
     passage, end = seen.passages[k], _end(run, seen)
-    pair = passage.pair(run.system, seen.dominant)
+    pair = Pair.of(passage, run.system, seen.dominant)
     return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
 
 
@@ -89,7 +89,7 @@ def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
     """Return whether a single passage spoils a run; without a primary, whether its deflection is wrong."""
     if math.isfinite(caused.usual):
         return caused.spoils
-    pair = seen.passages[k].pair(run.system, seen.dominant)
+    pair = Pair.of(seen.passages[k], run.system, seen.dominant)
     assert pair is not None
     share, turn = passage_error(run.integrator, *pair.shape(run.step))
     return share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
@@ -114,7 +114,7 @@ def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
     rows = []
     for k in shown:
         passage, errors = seen.passages[k], pairs[_pair_of(seen, k)]
-        pair = passage.pair(run.system, seen.dominant)
+        pair = Pair.of(passage, run.system, seen.dominant)
         assert pair is not None
         more = f" ({len(errors):,} passages, {said(as_error(run.system, sum(errors)))} together)" * (len(errors) > 1)
         rows.append(f"{Approach.of(run.system, run.clock, passage, errors[0])}{more}")
@@ -212,7 +212,7 @@ def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
 
 def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
     """Return a bound of the error at the end of the run caused by a passage; 0 for one that cannot spoil it."""
-    pair = passage.pair(run.system, seen.dominant)
+    pair = Pair.of(passage, run.system, seen.dominant)
     if pair is None:
         return 0.0
     e, angle = pair.shape(run.step)

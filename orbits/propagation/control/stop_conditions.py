@@ -110,21 +110,6 @@ class WallTimeOver:
 Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
 
 
-@dataclass(frozen=True)
-class Stop:
-    """Why and where a run ended early.
-
-    reason : in words; condition : the event or the condition that was met; None if the callback ended the run, or for
-        a run that is read from an archive, which has the reason alone
-    time : since the epoch, with unit; system : the state at that time
-    """
-
-    reason: str
-    condition: Condition | Sought | None
-    time: u.Quantity
-    system: System
-
-
 class Conditions:
     """What was given as `stop`.
 

@@ -24,7 +24,7 @@ from orbits.errors import InputError, IntegrationError, Interrupted
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.marchers import bound
-from orbits.propagation.results.error_bars import ErrorBars
+from orbits.results.error_bars import ErrorBars
 from orbits.system.model import model
 
 if TYPE_CHECKING:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,13 +19,13 @@ if TYPE_CHECKING:
     from orbits.marching.following.retirement import Retirement
     from orbits.marching.marcher import Marcher
     from orbits.propagation.chain_of_legs import ChangingMarch
-    from orbits.propagation.control.stop_conditions import Stop
-    from orbits.propagation.results.approach import Approach
-    from orbits.propagation.results.approaches import Approaches
-    from orbits.propagation.results.error_bars import ErrorBars
-    from orbits.propagation.results.passages_seen import Seen
-    from orbits.propagation.variations.megno import Megno
-    from orbits.propagation.variations.state_transition import StateTransition
+    from orbits.results.approach import Approach
+    from orbits.results.approaches import Approaches
+    from orbits.results.error_bars import ErrorBars
+    from orbits.results.megno import Megno
+    from orbits.results.passages import Seen
+    from orbits.results.state_transition import StateTransition
+    from orbits.results.stop import Stop
     from orbits.trajectory import Trajectory
     from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
@@ -60,8 +61,6 @@ class Replay:
 
         Raises InputError for a trajectory with samples only, and for a run that did not look for them.
         """
-        from orbits.propagation.results.approaches import Approaches
-
         seen = seen_by(run)
         if not seen.looked:
             raise InputError(
@@ -69,15 +68,14 @@ class Replay:
                 "orbits.propagate(..., approaches=True). Passages that its step did not resolve are in "
                 "run.unresolved()."
             )
-        return Approaches(run, seen)
+        return approaches_of(run, seen)
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
         from orbits.propagation.checks.unresolved_passages import spoiling
-        from orbits.propagation.results.approaches import Approaches
 
         seen = seen_by(run)
-        approaches = Approaches(run, seen)
+        approaches = approaches_of(run, seen)
         if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
             approaches.know_all()
         found = [k for k, _ in spoiling(run, seen)]
@@ -141,7 +139,7 @@ class Replay:
         """Return why and where a run in an archive was ended."""
         from astropy import units as u
 
-        from orbits.propagation.control.stop_conditions import Stop
+        from orbits.results.stop import Stop
 
         assert run.archive is not None
         ended = run.archive.ended
@@ -189,8 +187,18 @@ def seen_by(run: Trajectory) -> Seen:
             "returned by orbits.propagate or orbits.resume."
         )
     if run.passages is None:
-        from orbits.propagation.results.passages_seen import Seen
+        from orbits.propagation.results.recording import passages_of
 
-        run.passages = Seen.by(run, run.record)
+        run.passages = passages_of(run, run.record)
     seen: Seen = run.passages
     return seen
+
+
+def approaches_of(run: Trajectory, seen: Seen) -> Approaches:
+    """Return the closest approaches of a run, refined by marching it again when they are asked for."""
+    from orbits.propagation.checks.unresolved_passages import error_at_end
+    from orbits.propagation.results.refinement import refine
+    from orbits.results.approaches import Approaches
+
+    refining, judging = partial(refine, run, seen), partial(error_at_end, run, seen)
+    return Approaches(run.system, run.clock, seen, refine=refining, error_at_end=judging)

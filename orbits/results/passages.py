@@ -1,9 +1,8 @@
-"""The passages recorded by the marcher of a run, with the bodies numbered as in the system."""
+"""The passages of a run: what a march records of them, and these with the bodies numbered as in the system."""
 
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,19 +10,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ArchiveError, IntegrationError
 from orbits.kernels.search import record
 from orbits.kernels.search.record import DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.marching.planet_excursions import LeavingMarcher
-from orbits.propagation.checks.passage_effect import Pair
-from orbits.propagation.marchers import bound, restore, unchanged
 from orbits.system.model import given_bodies
 
 if TYPE_CHECKING:
     from orbits.marching.clocks.constant import Clock
-    from orbits.marching.marcher import Marcher
     from orbits.system import System
-    from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -48,50 +41,6 @@ class Record(NamedTuple):
     reaches: Array
     end: float
 
-    @classmethod
-    def of(cls, marcher: Marcher, end: float) -> Record:
-        """Return the record of a marcher so far, including the rest of the run up to its end: the march goes on to the
-        last whole step before it; if steps differ, it ends there, and cannot go on.
-        """
-        with suppress(IntegrationError):  # where the run itself failed
-            if not marcher.clock.changes and abs(end) > abs(marcher.time):  # it was stopped behind its last sample
-                marcher.advance_to(marcher.clock.place(end))
-        dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
-        if isinstance(marcher, LeavingMarcher) and marcher.is_away:
-            return cls(*marcher.record_at(end), dominant, reaches, step)
-        if marcher.clock.changes:
-            if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
-                with suppress(IntegrationError):  # where the run itself failed
-                    marcher.end_at(end)
-            return cls(_closest(marcher), *marcher.passages(), dominant, reaches, marcher.reading)
-        closest, (listed, left_out) = _closest(marcher), marcher.passages()
-        h = marcher.clock.h
-        rest = end - marcher.clock.time(step)
-        if not 0.0 < rest / h < 1.0:
-            return cls(closest, listed, left_out, dominant, reaches, step)
-        try:
-            part = marcher.part_of_a_step(rest)
-        except IntegrationError:  # where the run itself failed
-            return cls(closest, listed, left_out, dominant, reaches, step)
-        share = rest / h
-        if closest is not None:
-            later = part.approaches()
-            later[TIME] = step + share * later[TIME]
-            closest = np.where(later[DISTANCE2] < closest[DISTANCE2], later, closest)
-        more = part.passages()[0].copy()
-        more[:, record.STEP] = step
-        more[:, record.WHEN] = step + share * more[:, record.WHEN]
-        return cls(closest, np.concatenate([listed, more]), left_out, dominant, reaches, step)
-
-
-def _closest(marcher: Marcher) -> Array | None:
-    return marcher.approaches() if marcher.looks_for_approaches else None
-
-
-def observed_until(run: Trajectory) -> float:
-    """Return the time up to which the passages of a run are known: its end, or where it was stopped."""
-    return run.reached if run.complete or run.has_stopped else run.last_time
-
 
 @dataclass(frozen=True, eq=False)
 class Passage:
@@ -111,31 +60,6 @@ class Passage:
     speed: float
     state: Array | None = None
     about: Array | None = None
-
-    def pair(self, system: System, dominant: int) -> Pair | None:
-        """Return the lighter body and the other for `passage_effect`; None if the states are not known.
-
-        dominant : number of the body that dominates the system, or -1
-        """
-        if self.state is None or self.about is None:
-            return None
-        gm = system.values.gm
-        mu, state, about = float(gm[self.body] + gm[self.other]), self.state, self.about
-        light, heavy, other = self.body, self.other, about - state
-        if gm[light] > gm[heavy]:
-            light, heavy, state, other = heavy, light, -state, about
-        if dominant < 0 or heavy == dominant:
-            other = np.zeros(6)
-        return Pair(
-            mu,
-            float(gm[heavy]) / mu,
-            state[:3],
-            state[3:],
-            system.values.softening,
-            float(gm[dominant]) if dominant >= 0 else 0.0,
-            other[:3],
-            other[3:],
-        )
 
 
 class Seen:
@@ -173,22 +97,6 @@ class Seen:
             body = int(self._order[row])
             if not given[body]:
                 self.closest[body, column] = self._number_of(entries[:, column, row], body)
-
-    @classmethod
-    def by(cls, trajectory: Trajectory, record: Record | None) -> Seen:
-        """Return the passages of a run; without `record`, those in the last checkpoint of its archive."""
-        if record is None:
-            assert trajectory.archive is not None
-            how = trajectory.system, trajectory.integrator, trajectory.clock
-            marcher = bound(*how, threads=1, approaches=trajectory.archive.approaches)
-            restore(marcher, unchanged(trajectory.archive.checkpoint()), trajectory.archive.path)
-            if not trajectory.clock.changes and marcher.step > trajectory.archive.grid.whole_steps:
-                raise ArchiveError(
-                    f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
-                    "behind the end of the run. Restore it from a copy."
-                )
-            record = Record.of(marcher, observed_until(trajectory))
-        return cls(trajectory.system, record, trajectory.clock)
 
     @cached_property
     def flybys(self) -> list[int]:
