@@ -24,7 +24,7 @@ from orbits.time_grid import times_since
 from orbits.units import GM_SUN
 
 if TYPE_CHECKING:
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ LARGEST_ASTEROID = 1e-9 * GM_SUN
 
 
 def ephemeris_of(
-    run: Trajectory,
+    run: Run,
     bodies: str | Sequence[str] | None,
     observer: Any,
     times: Any,
@@ -91,7 +91,7 @@ class Track:
     gm_unit : of GM, in au^3/d^2
     """
 
-    def __init__(self, run: Trajectory) -> None:
+    def __init__(self, run: Run) -> None:
         units = run.system.units
         self.run = run
         self._length, self.day = float((1 * units.length).to_value(u.au)), float((1 * units.time).to_value(u.day))

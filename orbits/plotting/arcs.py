@@ -16,8 +16,7 @@ from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
-    from orbits.system import System
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run, State
 
 Array = NDArray[np.float64]
 Bodies = tuple[int, ...]
@@ -77,7 +76,7 @@ class Orbit(NamedTuple):
             return np.asarray(2.0 * np.pi * self.gm / binding**1.5)
 
 
-def centre_of(system: System, members: Bodies) -> Bodies:
+def centre_of(system: State, members: Bodies) -> Bodies:
     """Return the bodies whose centre of mass `members` orbit as a group; none for the centre of the system, and among
     more than `MOST_CENTRAL` bodies of like mass, which are a cluster.
     """
@@ -108,7 +107,7 @@ def relative(gm: Array, q: Array, v: Array, members: Bodies, centre: Bodies) -> 
     )
 
 
-def is_nearly_two_body(system: System, members: Bodies, centre: Bodies) -> bool:
+def is_nearly_two_body(system: State, members: Bodies, centre: Bodies) -> bool:
     """Whether perturbations of the relative motion by other bodies are below `DISTURBED` of the centre's attraction."""
     gm, q, v, softening = system.values
     pull = np.zeros_like(q)
@@ -121,7 +120,7 @@ def is_nearly_two_body(system: System, members: Bodies, centre: Bodies) -> bool:
     return bool(np.linalg.norm(excess) < DISTURBED * np.linalg.norm(alone))
 
 
-def ellipse(system: System, i: int) -> Array | None:
+def ellipse(system: State, i: int) -> Array | None:
     """Return (721, 3) points, in the system's axes, of the osculating ellipse of body i about its centre.
 
     None for the central body, for parabolas, hyperbolas and radial falls, and where perturbations by other bodies are
@@ -146,7 +145,7 @@ def ellipse(system: System, i: int) -> Array | None:
     return np.asarray(_mean(gm, q, (i, *centre)) + _share(gm, (i,), centre) * round_centre)
 
 
-def joined(run: Trajectory, i: int, samples: Samples | None = None) -> Path:
+def joined(run: Run, i: int, samples: Samples | None = None) -> Path:
     """Return the path of body i; samples : of the run, if they are read for several bodies.
 
     It consists of straight lines between close samples, arcs of two-body motion between distant ones, and cubics where
@@ -187,7 +186,7 @@ def joined(run: Trajectory, i: int, samples: Samples | None = None) -> Path:
     return Path(np.concatenate(pieces or [_GAP]), loose, bool(wound.any()))
 
 
-def last_state(run: Trajectory) -> System:
+def last_state(run: Run) -> State:
     """Return the system at the last sample, with the masses of then; retired particles, and bodies that merged, are
     without mass at their last positions, or at those of the start if no sample has them (see `seen`).
 
@@ -212,7 +211,7 @@ def last_state(run: Trajectory) -> System:
     return run.system.replaced(gm=gm, q=q, v=v, epoch=None, terms=(), forces=())
 
 
-def seen(run: Trajectory) -> NDArray[np.bool_]:
+def seen(run: Run) -> NDArray[np.bool_]:
     """Return which bodies are in any sample of a run, (bodies,): those that merged before are not."""
     found = np.zeros(len(run.names), dtype=bool)
     for sample in (0, -1):
@@ -225,7 +224,7 @@ def seen(run: Trajectory) -> NDArray[np.bool_]:
 class Samples:
     """The samples of a run, read body by body; those of the bodies used last are kept."""
 
-    def __init__(self, run: Trajectory) -> None:
+    def __init__(self, run: Run) -> None:
         self.run = run
         self.end = last_state(run)
         self.gm = self.end.values.gm

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ MOST_EVENTS = 100
 
 @style.look()
 def plot_error(
-    run: Trajectory,
+    run: Run,
     *,
     reference: Any = None,
     bodies: Sequence[str] | None = None,
@@ -94,7 +94,7 @@ def plot_error(
 
 
 @style.look()
-def plot_energy(run: Trajectory, *, title: str | None = None) -> Figure:
+def plot_energy(run: Run, *, title: str | None = None) -> Figure:
     """Return a picture of the changes of energy and angular momentum since the first sample, with their signs, as
     fractions: whether they oscillate, drift, or wander.
 
@@ -137,13 +137,13 @@ def _logarithmic(axes: Axes) -> Axes:
     return axes
 
 
-def _made_by(run: Trajectory) -> str:
+def _made_by(run: Run) -> str:
     """Return method and step in words, as the titles of `plot_trajectory` have them."""
     step = "" if np.isnan(run.step) else f", dt = {words.in_fitting_time(abs(run.step), run.system.units.time)}"
     return words.method_words(run.integrator.label) + step
 
 
-def _conserved(run: Trajectory) -> dict[str, Array]:
+def _conserved(run: Run) -> dict[str, Array]:
     """Return the relative changes, with signs, of what is conserved: of energy, and of angular momentum the length of
     the vector of changes.
     """
@@ -157,12 +157,12 @@ def _conserved(run: Trajectory) -> dict[str, Array]:
     return found
 
 
-def _why_not(run: Trajectory) -> str:
+def _why_not(run: Run) -> str:
     drift = run.drift()
     return "; ".join([*drift.remarks, f"energy and angular momentum are those {drift.covers}"])
 
 
-def _positions(run: Trajectory, reference: Any) -> tuple[Array | None, str]:
+def _positions(run: Run, reference: Any) -> tuple[Array | None, str]:
     """Return how far positions may be, or are, from where they should be, (samples, bodies), and by what."""
     if reference is None:
         if run.error_bars is None:
@@ -179,7 +179,7 @@ def _positions(run: Trajectory, reference: Any) -> tuple[Array | None, str]:
     return apart, f"distance from {words.method_words(reference.integrator.label)}"
 
 
-def _draw_positions(axes: Axes, run: Trajectory, errors: Array, chosen: Sequence[int], t: Array) -> list[str]:
+def _draw_positions(axes: Axes, run: Run, errors: Array, chosen: Sequence[int], t: Array) -> list[str]:
     """Draw the errors of positions, and return the meaning of the lines."""
     looks, cloud = looks_of(run.system, list(chosen))
     told = []

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ CAPTION = (
 
 @style.look()
 def plot_rotation(
-    run: Trajectory, body: str | None = None, *, about: str | None = None, title: str | None = None
+    run: Run, body: str | None = None, *, about: str | None = None, title: str | None = None
 ) -> Figure:
     """Return a picture of a rigid body's rotation: libration angle, rate and obliquity against time, and the path of
     its axis 3 among the stars.
@@ -87,7 +87,7 @@ def plot_rotation(
     return made
 
 
-def _rigid(run: Trajectory, body: str | None) -> str:
+def _rigid(run: Run, body: str | None) -> str:
     """Return the name of the body that is drawn. Raises InputError if it is not said, and several are rigid."""
     rigid = list(run.system.rigid)
     if body is not None:
@@ -99,7 +99,7 @@ def _rigid(run: Trajectory, body: str | None) -> str:
     return rigid[0]
 
 
-def _orbit(run: Trajectory, body: str, about: str | None) -> tuple[str, Array, float]:
+def _orbit(run: Run, body: str, about: str | None) -> tuple[str, Array, float]:
     """Return the name of the primary, the pole of the orbit at the start and its mean motion, 0 if it is open."""
     system, gm = run.system, run.system.values.gm
     i, j = orbited(system.names, gm, body, about)
@@ -116,7 +116,7 @@ def _unbroken(angles: Array) -> Array:
     return out
 
 
-def _draw_sky(made: Figure, axes: Axes, run: Trajectory, body: str, pole: Array, time: tuple[Array, str]) -> None:
+def _draw_sky(made: Figure, axes: Axes, run: Run, body: str, pole: Array, time: tuple[Array, str]) -> None:
     """Draw the path of axis 3 in an equal-area projection about a pole."""
     third = run.attitude(body, matrix=True)[:, :, 2]
     east = np.cross([0.0, 0.0, 1.0] if abs(pole[2]) < 0.99 else [1.0, 0.0, 0.0], pole)

@@ -15,7 +15,7 @@ from orbits.integrators import registry
 from orbits.units import date_text
 
 if TYPE_CHECKING:
-    from orbits.system import System
+    from orbits.protocols import State
 
 SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
 LONGEST_NAME = 28
@@ -108,13 +108,13 @@ def in_fitting_time(duration: float, unit: Any) -> str:
     return f"{duration * u.Unit(unit).to(best):.4g} {best}"
 
 
-def since(system: System, unit: str) -> str:
+def since(system: State, unit: str) -> str:
     """Return the label of a time axis, with epoch and unit."""
     start = "" if system.epoch is None else f" since {moment(system)}"
     return f"time{start} [{unit}]" if unit else f"time{start}"
 
 
-def moment(system: System) -> str:
+def moment(system: State) -> str:
     """Return the epoch of a system to the minute, or the date for midnight: "2000-01-01 12:00 TDB"."""
     if system.epoch is None:
         return ""

@@ -15,8 +15,8 @@ from orbits.errors import InputError
 if TYPE_CHECKING:
     from astropy.coordinates import EarthLocation
 
-    from orbits.marching.clocks.constant import Place
     from orbits.observing import Ephemeris
+    from orbits.protocols import March
     from orbits.results.approach import Approach
     from orbits.results.approaches import Approaches
     from orbits.results.error_bars import ErrorBars
@@ -28,23 +28,6 @@ if TYPE_CHECKING:
     from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-
-class March(Protocol):
-    """An integration from the initial state of a run, with its method and its step."""
-
-    @property
-    def step(self) -> int:
-        """Whole steps taken."""
-
-    def advance_to(self, place: Place) -> Any:
-        """Take all whole steps before a place, which must not lie behind."""
-
-    def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return q and v, (bodies, 3), at a place that the march has reached, without moving on."""
-
-    def close(self) -> None:
-        """Release its resources."""
 
 
 class MarchesAgain(Protocol):

@@ -17,8 +17,8 @@ from orbits.export.labelled import Variable
 from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:
+    from orbits.protocols import Samples
     from orbits.system import System
-    from orbits.trajectory.parts import Samples
     from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -33,8 +33,8 @@ from orbits.trajectory.changes import Changes, of_bodies
 from orbits.trajectory.work import ForceEffect, accounts_of, effects
 
 if TYPE_CHECKING:
+    from orbits.protocols import Samples
     from orbits.system import System
-    from orbits.trajectory.parts import Samples
     from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]

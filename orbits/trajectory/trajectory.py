@@ -31,7 +31,7 @@ from orbits.trajectory.changes import Changes, Leg, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.excursions import Excursions
-from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
+from orbits.trajectory.parts import BodyTrajectory, Statistics
 from orbits.trajectory.retired import RetiredParticles, absent, moved
 from orbits.trajectory.spins import Spins
 from orbits.trajectory.work import accounts_of
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
     from orbits.marching.stepping.kept_steps import KeptSteps
+    from orbits.protocols import Samples
     from orbits.results.error_bars import ErrorBars
     from orbits.results.passages import Record
     from orbits.results.stop import Stop

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from orbits.marching.following.retirement import Retirement
     from orbits.marching.marcher import Marcher
     from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.protocols import March
     from orbits.results.approach import Approach
     from orbits.results.approaches import Approaches
     from orbits.results.error_bars import ErrorBars
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from orbits.results.state_transition import StateTransition
     from orbits.results.stop import Stop
     from orbits.trajectory import Trajectory
-    from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
 
 Array = NDArray[np.float64]
