@@ -42,7 +42,7 @@ RATIOS = (1.01, 1.0172, 1.03, 1.06, 1.1, 1.15, 1.2, 1.25, 1.3, 1.35)
 STEP = 0.25
 """Hours; a ninth of a turn of Didymos."""
 
-METHOD = orbits.Composition(orbits.StormerVerlet(), order=8)
+METHOD = orbits.methods.Composition(orbits.StormerVerlet(), order=8)
 """Kicks and exact rotations."""
 
 HOUR_MM = 3600.0 * 1e-6

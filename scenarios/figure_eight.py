@@ -21,9 +21,9 @@ STEPS = 400  # a period
 LAPS = 100
 PEER_LAPS = (1, 2, 5, 10, 20, 50, 100)
 METHODS = [
-    orbits.ExplicitEuler(),
-    orbits.RungeKutta4(),
-    orbits.SymplecticEuler(),
+    orbits.methods.ExplicitEuler(),
+    orbits.methods.RungeKutta4(),
+    orbits.methods.SymplecticEuler(),
     orbits.StormerVerlet(),
     *(orbits.Gauss(stages=s) for s in (1, 2, 4, 8)),
 ]

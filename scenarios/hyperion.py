@@ -39,7 +39,7 @@ ISLANDS = {"1:1": (1, 0.0), "1:2": (0.5, np.pi / 2), "2:1": (2, 0.0), "5:2": (2.
 
 TILT, FALL = np.radians(1e-7), 40
 PER_REVOLUTION = 192
-METHOD = orbits.Composition(orbits.StormerVerlet(), order=8)
+METHOD = orbits.methods.Composition(orbits.StormerVerlet(), order=8)
 """Kicks and exact rotations."""
 
 

@@ -20,9 +20,9 @@ from orbits.scenario import Check, Study, StudyResult, Table
 DAYS = 200_000
 EVERY = 200  # days between samples: all steps divide it
 METHODS = {
-    "explicit Euler": (orbits.ExplicitEuler(), 10),
-    "RK4": (orbits.RungeKutta4(), 200),
-    "symplectic Euler": (orbits.SymplecticEuler(), 100),
+    "explicit Euler": (orbits.methods.ExplicitEuler(), 10),
+    "RK4": (orbits.methods.RungeKutta4(), 200),
+    "symplectic Euler": (orbits.methods.SymplecticEuler(), 100),
     "Störmer–Verlet": (orbits.StormerVerlet(), 200),
     "Gauss, 8 stages": (orbits.Gauss(stages=8), 200),
 }

@@ -22,7 +22,7 @@ from orbits.scenario import Check, Study, StudyResult, Table
 END = 3.0
 STEPS = (300, 600, 1200, 2400, 4800, 9600, 19200)
 METHODS = [
-    orbits.RungeKutta4(),
+    orbits.methods.RungeKutta4(),
     orbits.StormerVerlet(),
     *(orbits.Gauss(stages=s) for s in (2, 4, 8)),
 ]

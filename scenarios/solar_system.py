@@ -22,7 +22,7 @@ from orbits.ephemeris import AU_KM
 from orbits.resources import data_path
 from orbits.scenario import Check, angular_momentum_checks
 
-METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
+METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.methods.RungeKutta4(), orbits.methods.ExplicitEuler()]
 ROUND_OFF = 1e-14
 DT = 6 * u.day
 POSITION_KM = 0.2
@@ -135,7 +135,7 @@ def errors(figure, report, names):
     return panel.get_legend_handles_labels()
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="solar_system",
     title="Sun, planets and Pluto from DE440",
     system=orbits.System.solar_system,

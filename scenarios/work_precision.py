@@ -109,7 +109,7 @@ def methods():
                 seen.add(method.order)
                 yield method
     for order in (4, 6, 8, 10):
-        yield orbits.Composition(orbits.StormerVerlet(), order=order)
+        yield orbits.methods.Composition(orbits.StormerVerlet(), order=order)
 
 
 def sweep(problem, take):

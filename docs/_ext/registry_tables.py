@@ -77,7 +77,7 @@ class IntegratorSections(RegistryDirective):
         rst = "\n".join(to_rst(sys.modules[cls.__module__].__doc__ or ""))
         examples = ", ".join(f"`{method.label}`" for method in cls.examples())
         return (
-            f"## {cls.name}\n\n{{py:class}}`orbits.{cls.__name__}`: {cls.summary}. For example {examples}.\n\n"
+            f"## {cls.name}\n\n{{py:class}}`{public_name(cls)}`: {cls.summary}. For example {examples}.\n\n"
             f"````{{eval-rst}}\n{rst}\n````\n\nFile: {listing(cls)}\n"
         )
 
@@ -85,6 +85,11 @@ class IntegratorSections(RegistryDirective):
 def methods() -> list[type[Integrator]]:
     """Return the registered integrators, the variational ones first."""
     return sorted(registry().values(), key=lambda cls: (not cls.variational, cls.name))
+
+
+def public_name(cls: type[Integrator]) -> str:
+    """Return the name by which a method is imported."""
+    return next(entry.full_name for entry in documented() if entry.value is cls)
 
 
 def listing(cls: type[Integrator], below: str = "") -> str:

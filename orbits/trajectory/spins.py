@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+NO_TIDES = "a system with forces orbits.terms.Tides(...)"
+
 
 class Spins:
     """The methods of `Trajectory` for the spins of bodies."""
@@ -37,7 +39,7 @@ class Spins:
             return run.angular_velocity(body)
         found = {force.source: k for k, force in self._spinning().items()}
         if not isinstance(body, str) or body not in found:
-            those = f"those with Tides, {few(sorted(found))}" if found else "a system with forces orbits.Tides(...)"
+            those = f"those with Tides, {few(sorted(found))}" if found else NO_TIDES
             raise InputError(f"the spin of {shown(body)} is not known in this run; expected {those}.")
         return u.Quantity(self._spin(found[body]), self.system.units.rate)
 

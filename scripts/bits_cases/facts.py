@@ -65,7 +65,7 @@ def happenings(run: Any) -> Facts:
     found |= tabled("excursions", run.excursions.to_table()) | stopped(run)
     try:
         return found | approaches(run)
-    except orbits.InputError:  # of bodies that merged, or were changed
+    except orbits.errors.InputError:  # of bodies that merged, or were changed
         return {**found, "closest": "refused"}
 
 
@@ -80,7 +80,7 @@ def turning(run: Any) -> Facts:
     found: Facts = {}
     for name in run.names:
         for quantity in (run.attitude, run.spin):
-            with suppress(orbits.InputError):
+            with suppress(orbits.errors.InputError):
                 found[f"{quantity.__name__} of {name}"] = np.asarray(getattr(value := quantity(name), "value", value))
     return found
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits.catalogue import asteroids, mpcorb, orbit_classes, read_mpcorb, unreadable
-from orbits.errors import InputError, OrbitsError, OrbitsWarning, UnknownNameError
+from orbits.errors import EpochError, InputError, OrbitsError, OrbitsWarning, UnknownNameError
 from tests.campaigns import campaign
 
 from . import lines
@@ -287,9 +287,9 @@ def test_the_minor_planet_centers_ceres_is_where_jpls_goes_by_integration() -> N
 
 def test_epochs_that_differ_are_refused_or_carried_over_when_asked() -> None:
     text = f"{TWO}{PALLAS_2024}\n"
-    with pytest.raises(orbits.EpochError, match=r"2 epochs, MJD 60400 to 61000 TDB. Use propagate_to_epoch=True"):
+    with pytest.raises(EpochError, match=r"2 epochs, MJD 60400 to 61000 TDB. Use propagate_to_epoch=True"):
         orbits.System.from_mpcorb(text)
-    with pytest.raises(orbits.EpochError, match="MJD 59800 TDB, but the elements of 'Ceres' are of MJD 61000"):
+    with pytest.raises(EpochError, match="MJD 59800 TDB, but the elements of 'Ceres' are of MJD 61000"):
         orbits.System.from_mpcorb(TWO, epoch="2022-08-09")
     assert orbits.System.from_mpcorb(text, propagate_to_epoch=True).epoch.mjd == 61000.0
     assert orbits.System.from_mpcorb(text, propagate_to_epoch=True, epoch="2022-08-09").epoch.mjd == 59800.0

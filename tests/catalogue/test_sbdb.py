@@ -162,7 +162,7 @@ def test_one_call_makes_a_system_with_masses_where_they_are_known() -> None:
     assert np.linalg.norm((light.q[-1] - bundled.q[-1]).to_value("au")) < 1e-14
     with pytest.raises(InputError, match="no GM is known for Ceres; expected a catalogue with GM"):
         orbits.System.from_catalogue(orbits.asteroids(names="Ceres"), massive=True)
-    with pytest.raises(orbits.EpochError, match="2 epochs"):
+    with pytest.raises(orbits.errors.EpochError, match="2 epochs"):
         orbits.System.from_sbdb(query(CERES, BORISOV))
     both = orbits.System.from_sbdb(query(CERES, BORISOV), propagate_to_epoch=True, epoch="2022-08-09")
     assert both.names[-1] == "C/2019 Q4"

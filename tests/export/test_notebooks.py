@@ -16,6 +16,7 @@ from orbits.marching.clocks.constant import ConstantSteps
 from orbits.regression.report import Report, Row
 from orbits.results.approaches import Approaches
 from orbits.results.passages import Record, Seen
+from orbits.scenarios import StudyResult, Table
 
 NASTY = "<script>alert('&\"')</script>"
 
@@ -83,9 +84,9 @@ def catalogue() -> orbits.ephemeris.Catalogue:
     return replace(orbits.asteroids(1), names=(NASTY,))
 
 
-def study() -> orbits.StudyResult:
-    table = orbits.Table(NASTY, ["method", "error", "steps"], [["gauss", 1.23456e-9, 12345], ["verlet", None, 7]])
-    return orbits.StudyResult(tables=(table, table))
+def study() -> StudyResult:
+    table = Table(NASTY, ["method", "error", "steps"], [["gauss", 1.23456e-9, 12345], ["verlet", None, 7]])
+    return orbits.scenarios.StudyResult(tables=(table, table))
 
 
 VALUES = [
@@ -184,7 +185,7 @@ def test_a_run_shows_whether_its_certificate_holds():
 
 @pytest.mark.parametrize("bodies", [3, [3], ["Vulcan"], "Vulcan"])
 def test_a_run_cannot_be_drawn_for_what_names_no_body(bodies):
-    with pytest.raises(orbits.InputError, match=r"expected a s|Vulcan"):
+    with pytest.raises(orbits.errors.InputError, match=r"expected a s|Vulcan"):
         run().plot(bodies=bodies)
 
 

@@ -17,8 +17,8 @@ from ..acting import Swaying
 from ..contracts.problems import methods
 from ..problems import three_bodies
 
-ALL = [*methods(), orbits.Gauss(stages=12), orbits.Composition(base=orbits.Gauss(stages=2), order=6)]
-FORCED = [orbits.Gauss(stages=8), orbits.Gauss(stages=2), orbits.LobattoIIIAB(stages=3), ALL[-1]]
+ALL = [*methods(), orbits.Gauss(stages=12), orbits.methods.Composition(base=orbits.Gauss(stages=2), order=6)]
+FORCED = [orbits.Gauss(stages=8), orbits.Gauss(stages=2), orbits.methods.LobattoIIIAB(stages=3), ALL[-1]]
 STEPS = 40
 
 # The polynomial has degree s + 1. Where it resolves the motion, only round-off of Mercury's position, 0.3 au, is left.
@@ -88,8 +88,8 @@ def test_the_motion_of_every_method_is_that_of_its_partial_steps(method):
 def test_the_motion_under_forces_and_terms_that_depend_on_velocities_is_that_of_partial_steps(method):
     gm, q, v = three_bodies()
     system = orbits.System.from_states(["a", "b", "c"], gm, q, v, units=orbits.DIMENSIONLESS)
-    spin = orbits.FrameDragging("a", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
-    drag = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+    spin = orbits.terms.FrameDragging("a", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
+    drag = orbits.terms.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
     system = system.with_terms(spin, Swaying()).with_forces(drag)
     assert worst_against_partial_steps(system, method, 0.05) < 1e-15  # 2.2e-16
 

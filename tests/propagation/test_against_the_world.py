@@ -60,7 +60,7 @@ BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_t
 def test_stormer_verlet_keeps_the_bound_of_rebounds_leapfrog_test():
     """dt = 1, T = 1,000: REBOUND asserts 1e-3 at the end. Its drift-kick-drift variant reaches 1.7e-6, ours 8.2e-6."""
     assert "order2 1e-3" in BOUNDS["test_leapfrog"]
-    system = orbits.from_rebound(rebounds_outer_solar_system())
+    system = orbits.rebound.from_rebound(rebounds_outer_solar_system())
     run = orbits.propagate(system, orbits.StormerVerlet(), dt=1.0, duration=1000.0, samples=1001)
     energy = run.energy().value
     assert abs(energy[-1] / energy[0] - 1) < 2e-5
@@ -70,7 +70,7 @@ def test_stormer_verlet_keeps_the_bound_of_rebounds_leapfrog_test():
 def test_gauss_keeps_the_bound_of_rebounds_ias15_test():
     """A thousand periods of Jupiter; REBOUND asserts 1e-14 for IAS15 and reaches 5.5e-15."""
     assert "<1e-14" in BOUNDS["test_integrator.test_ias15"]
-    system, period = orbits.from_rebound(rebounds_outer_solar_system()), 11.86 * 2 * np.pi
+    system, period = orbits.rebound.from_rebound(rebounds_outer_solar_system()), 11.86 * 2 * np.pi
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=4.0, duration=1000 * period, samples=501)
     assert run.drift().energy.max_fraction < 8e-15  # 2.9e-15 was reached, as the maximum over the samples
 

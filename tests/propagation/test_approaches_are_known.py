@@ -43,7 +43,7 @@ def test_a_map_that_is_marched_again_from_within_an_encounter_loses_nobody():
     """p26 comes to 0.96 au of Jupiter: not within three Hill radii of the particle's distance from the Sun, by which a
     passage is judged, but within those of the planet's, by which the start of a run is.
     """
-    with pytest.warns(orbits.RetiredWarning, match="retired 5 massless particles before encounters"):
+    with pytest.warns(orbits.errors.RetiredWarning, match="retired 5 massless particles before encounters"):
         run = orbits.propagate(
             belt(40, 5.5), MAP, duration=20 * u.yr, dt="30 d", samples=5, approaches=True, progress=False
         )

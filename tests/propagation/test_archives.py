@@ -16,7 +16,7 @@ import orbits
 from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupted
 from orbits.propagation.resuming import sample_store
 
-METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.RungeKutta4()]
+METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.methods.RungeKutta4()]
 IDS = [m.label for m in METHODS]
 
 

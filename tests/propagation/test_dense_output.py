@@ -32,7 +32,7 @@ CASES = {
     "adaptive": {},
     "gauss": {"integrator": "gauss(stages=4)", "dt": 0.05},
     "verlet": {"integrator": "stormer-verlet", "dt": 0.01},
-    "composition": {"integrator": orbits.Composition(base=orbits.Gauss(stages=1), order=4), "dt": 0.05},
+    "composition": {"integrator": orbits.methods.Composition(base=orbits.Gauss(stages=1), order=4), "dt": 0.05},
     "backwards": {"duration": -20.0},
     "wisdom-holman": {"integrator": "wisdom-holman", "dt": 0.05},
 }
@@ -175,7 +175,7 @@ def test_a_run_whose_file_was_deleted_still_has_its_steps(tmp_path):
 
 
 def test_a_run_that_a_condition_ends_keeps_the_steps_up_to_there():
-    stop = orbits.CloserThan(1.3, "outer", "star")
+    stop = orbits.events.CloserThan(1.3, "outer", "star")
     run = orbits.propagate(system(), duration=20.0, samples=3, dense=True, stop=stop, **QUIET)
     assert run.stopped is not None
     end = float(run.stopped.time)
@@ -246,8 +246,8 @@ def test_behind_the_last_step_the_march_goes_on_with_shorter_steps_where_it_must
 
 
 def test_terms_and_forces_act_in_partial_steps_too():
-    spin = orbits.FrameDragging("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
-    drag = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+    spin = orbits.terms.FrameDragging("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
+    drag = orbits.terms.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
     start, options = system().with_terms(spin).with_forces(drag), {"dt": 0.05, "duration": 20.0, **QUIET}
     sampled = orbits.propagate(start, samples=times(), **options)
     run = orbits.propagate(start, samples=3, dense=True, **options)

@@ -14,7 +14,7 @@ from orbits.time_grid import rounded_step
 
 from ..problems import belt
 
-METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=4), orbits.ExplicitEuler(), orbits.RungeKutta4()]
+METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=4), orbits.methods.ExplicitEuler(), orbits.methods.RungeKutta4()]
 IDS = [m.label for m in METHODS]
 
 
@@ -170,20 +170,20 @@ def test_a_particle_at_a_singularity_is_retired_with_a_warning_that_names_it_and
         [[0, 0, 0], [0, 0, 0], [0, 0.1, 0]],
         units=orbits.DIMENSIONLESS,
     )
-    with pytest.warns(orbits.RetiredWarning, match="dust: .*the state is no longer finite"):
+    with pytest.warns(orbits.errors.RetiredWarning, match="dust: .*the state is no longer finite"):
         run = orbits.propagate(system, orbits.StormerVerlet(), dt=1.0, duration=8.0, samples=9)
     assert run.retired.names == ("dust",)
     assert run.retired[0].step == 0
     assert run[-1].names == ("star", "far")
 
 
-@pytest.mark.parametrize("method", [orbits.RungeKutta4(), orbits.ExplicitEuler()], ids=["rk4", "euler"])
+@pytest.mark.parametrize("method", [orbits.methods.RungeKutta4(), orbits.methods.ExplicitEuler()], ids=["rk4", "euler"])
 def test_a_particle_that_meets_a_body_is_retired_by_every_explicit_method(method):
     """One unit a step towards a star of next to no mass, which it meets after three steps."""
     system = orbits.System.from_states(
         ["star", "dust"], [1e-300, 0.0], [[0, 0, 0], [3, 0, 0]], [[0, 0, 0], [-1, 0, 0]], units=orbits.DIMENSIONLESS
     )
-    with pytest.warns(orbits.RetiredWarning, match="dust"):
+    with pytest.warns(orbits.errors.RetiredWarning, match="dust"):
         run = orbits.propagate(system, method, dt=1.0, duration=100.0, samples=101)
     assert run.retired["dust"].step in (2, 3)
 
@@ -282,11 +282,11 @@ def test_gauss_has_one_to_32_stages(stages):
         ("Gauss(stages=4)", orbits.Gauss(stages=4)),
         ("stormer-verlet", orbits.StormerVerlet()),
         ("StormerVerlet()", orbits.StormerVerlet()),
-        ("runge_kutta_4", orbits.RungeKutta4()),
+        ("runge_kutta_4", orbits.methods.RungeKutta4()),
         ("wisdom-holman(kernel=lazy, corrector=11)", orbits.WisdomHolman(kernel="lazy", corrector=11)),
         ("WisdomHolman(democratic-heliocentric)", orbits.WisdomHolman("democratic-heliocentric")),
         ("wisdom-holman(planets='follow')", orbits.WisdomHolman(planets="follow")),
-        ("composition(stormer-verlet, order=4)", orbits.Composition(orbits.StormerVerlet(), order=4)),
+        ("composition(stormer-verlet, order=4)", orbits.methods.Composition(orbits.StormerVerlet(), order=4)),
     ],
 )
 def test_integrators_are_read_as_people_type_them(text, expected):

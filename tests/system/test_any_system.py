@@ -10,7 +10,8 @@ from astropy import units as u
 from hypothesis import strategies as st
 
 import orbits
-from orbits import DIMENSIONLESS, SOLAR, InputError, System
+from orbits import DIMENSIONLESS, SOLAR, System
+from orbits.errors import InputError
 from tests.campaigns import ODDITIES, campaign, junk, works_or_says_why
 
 GOOD = {
@@ -85,18 +86,18 @@ USES: dict[str, Callable[[Any], Any]] = {
     "unit": lambda x: orbits.UnitSystem("mine", x, u.day, u.M_sun),
     "G": lambda x: orbits.UnitSystem("mine", u.au, u.day, u.M_sun, x),
     "stages": lambda x: orbits.Gauss(stages=x),
-    "variant": lambda x: orbits.SymplecticEuler(variant=x),
-    "base": orbits.Composition,
-    "order": lambda x: orbits.Composition(orbits.StormerVerlet(), order=x),
-    "scheme": lambda x: orbits.Composition(orbits.StormerVerlet(), order=4, scheme=x),
-    "tableau": lambda x: orbits.VPRK(a=x, b=[1.0]),
-    "from_rebound": orbits.from_rebound,
-    "to_rebound": orbits.to_rebound,
-    "run_from_rebound": orbits.run_from_rebound,
-    "CloserThan": orbits.CloserThan,
-    "FartherThan": orbits.FartherThan,
-    "EnergyErrorAbove": orbits.EnergyErrorAbove,
-    "WallTimeOver": orbits.WallTimeOver,
+    "variant": lambda x: orbits.methods.SymplecticEuler(variant=x),
+    "base": orbits.methods.Composition,
+    "order": lambda x: orbits.methods.Composition(orbits.StormerVerlet(), order=x),
+    "scheme": lambda x: orbits.methods.Composition(orbits.StormerVerlet(), order=4, scheme=x),
+    "tableau": lambda x: orbits.methods.VPRK(a=x, b=[1.0]),
+    "from_rebound": orbits.rebound.from_rebound,
+    "to_rebound": orbits.rebound.to_rebound,
+    "run_from_rebound": orbits.rebound.run_from_rebound,
+    "CloserThan": orbits.events.CloserThan,
+    "FartherThan": orbits.events.FartherThan,
+    "EnergyErrorAbove": orbits.events.EnergyErrorAbove,
+    "WallTimeOver": orbits.events.WallTimeOver,
     "Heartbeat": orbits.Heartbeat,
     "Heartbeat.to": lambda x: orbits.Heartbeat(60.0, to=x),
     "wall_time": lambda x: orbits.propagate([], wall_time=x),

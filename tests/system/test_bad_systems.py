@@ -12,7 +12,8 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
-from orbits import DIMENSIONLESS, SOLAR, EpochError, InputError, OrbitsError, System, UnknownNameError
+from orbits import DIMENSIONLESS, SOLAR, System
+from orbits.errors import EpochError, InputError, OrbitsError, UnknownNameError
 
 GOOD: dict[str, Any] = {
     "names": ["Sun", "Earth", "rock"],

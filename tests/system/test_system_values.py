@@ -11,7 +11,8 @@ import pytest
 from astropy import units as u
 from astropy.time import Time
 
-from orbits import DIMENSIONLESS, SOLAR, System, UnitSystem, UnknownNameError
+from orbits import DIMENSIONLESS, SOLAR, System, UnitSystem
+from orbits.errors import UnknownNameError
 
 SI = UnitSystem("SI", u.m, u.s, u.kg)
 

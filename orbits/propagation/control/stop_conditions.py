@@ -32,7 +32,7 @@ class CloserThan(Sought):
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
-    then : among `events`, what happens; see `orbits.Event`
+    then : among `events`, what happens; see `orbits.events.Event`
 
     A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
     there again. It stops as they come closer in the direction of the run; what is recorded is meant in time.
@@ -59,7 +59,7 @@ class FartherThan(Sought):
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
-    then : among `events`, what happens; see `orbits.Event`
+    then : among `events`, what happens; see `orbits.events.Event`
 
     A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
     there again. It stops as they part in the direction of the run; what is recorded is meant in time.
@@ -121,8 +121,9 @@ class Conditions:
         given = [stop] if isinstance(stop, Condition) else stop
         if not isinstance(given, list | tuple) or not all(isinstance(c, Condition) for c in given):
             raise InputError(
-                f"stop = {shown(stop)}; expected conditions such as orbits.CloserThan(0.01 * u.au, 'Apophis', "
-                "'Earth'), orbits.FartherThan, orbits.EnergyErrorAbove or orbits.WallTimeOver, one or a list of them."
+                f"stop = {shown(stop)}; expected conditions such as orbits.events.CloserThan(0.01 * u.au, 'Apophis', "
+                "'Earth'), orbits.events.FartherThan, orbits.events.EnergyErrorAbove or "
+                "orbits.events.WallTimeOver, one or a list of them."
             )
         for c in given:
             if isinstance(c, Sought) and c.then != RECORD:

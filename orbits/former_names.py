@@ -1,0 +1,111 @@
+"""Names that have moved or gone, for one release: where each is now.
+
+A name that is asked for and not there is looked up here, and the error says the new one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+SPACES: Mapping[str, tuple[str, ...]] = {
+    "methods": (
+        "Composition",
+        "ExplicitEuler",
+        "ImplicitMidpoint",
+        "LieGroupVariational",
+        "LobattoIIIAB",
+        "LobattoIIIBA",
+        "Rattle",
+        "RungeKutta4",
+        "SABA",
+        "SymplecticEuler",
+        "VPRK",
+    ),
+    "events": (
+        "Action",
+        "Apocentre",
+        "Bounce",
+        "CloseApproach",
+        "CloserThan",
+        "Collision",
+        "Conjunction",
+        "Ejection",
+        "ElementCrossing",
+        "EnergyErrorAbove",
+        "Event",
+        "FartherThan",
+        "Happening",
+        "Merge",
+        "NodeCrossing",
+        "Occultation",
+        "Opposition",
+        "Pericentre",
+        "PlaneCrossing",
+        "Transit",
+        "WallTimeOver",
+    ),
+    "terms": (
+        "Damping",
+        "DegreeTwo",
+        "Drag",
+        "FrameDragging",
+        "GasDrag",
+        "MassLoss",
+        "MinorBodies",
+        "NobiliRoxburgh",
+        "NonGravitational",
+        "PostNewtonian",
+        "RadiationPressure",
+        "Tides",
+        "ZonalHarmonics",
+    ),
+    "errors": (
+        "ArchiveError",
+        "ConvergenceError",
+        "EpochError",
+        "EventError",
+        "EventWarning",
+        "InputError",
+        "IntegrationError",
+        "Interrupted",
+        "MissingPackageError",
+        "OrbitsError",
+        "OrbitsWarning",
+        "OutOfRangeError",
+        "OutOfTime",
+        "RetiredWarning",
+        "SingularityError",
+        "StepWarning",
+        "StorageError",
+        "SystemsError",
+        "UnknownNameError",
+    ),
+    "rebound": (
+        "from_rebound",
+        "run_from_rebound",
+        "to_rebound",
+    ),
+    "scenarios": (
+        "Check",
+        "Option",
+        "Scenario",
+        "Study",
+        "StudyResult",
+        "Table",
+    ),
+}
+"""Names that were those of `orbits`, and the namespaces that they are in."""
+
+NOW: Mapping[str, Mapping[str, str]] = {
+    "orbits": {name: f"orbits.{space}.{name}" for space, names in SPACES.items() for name in names},
+}
+"""The new names, by the owner of the old ones: the module, or a class."""
+
+
+def moved(owner: str, name: str) -> str | None:
+    """Return where a former name is now, as the end of a sentence; None for a name that there never was.
+
+    owner : "orbits", or the name of a class
+    """
+    now = NOW.get(owner, {}).get(name)
+    return None if now is None else f": it is {now} now."
