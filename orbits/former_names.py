@@ -98,6 +98,13 @@ SPACES: Mapping[str, tuple[str, ...]] = {
 
 NOW: Mapping[str, Mapping[str, str]] = {
     "orbits": {name: f"orbits.{space}.{name}" for space, names in SPACES.items() for name in names},
+    "Trajectory": {
+        "sample": "run[k], a System, or run.q[k] and run.v[k]",
+        "reached": "run.span[1]",
+        "earliest": "min(run.span)",
+        "last_time": "run.times[-1]",
+        "has_stopped": "run.stopped is not None",
+    },
 }
 """The new names, by the owner of the old ones: the module, or a class."""
 

@@ -201,11 +201,11 @@ def last_state(run: Run) -> State:
             q[body], v[body] = particle.q.value, particle.v.value
     for body in np.flatnonzero(np.isnan(q).all(axis=1)).tolist():  # merged into another one
         there = np.flatnonzero(np.isfinite(run._q[:, body]).all(axis=1))
-        last = run.sample(int(there[-1])) if there.size else run.system.values[1:3]
+        last = run._sample(int(there[-1])) if there.size else run.system.values[1:3]
         q[body], v[body] = last[0][body], last[1][body]
     if run.changes is None:
         return run.system.replaced(q=q, v=v, epoch=None)
-    bodies = run.changes.bodies_at(run.last_time)
+    bodies = run.changes.bodies_at(run._last_time)
     gm = np.where(bodies.present, bodies.gm, 0.0)
     # Without terms and forces, which may be of bodies that are without mass by now.
     return run.system.replaced(gm=gm, q=q, v=v, epoch=None, terms=(), forces=())

@@ -110,7 +110,7 @@ def _draw(
     if cloud:
         _draw_many(axes, t, values[:, [known.bodies.index(i) for i in cloud]], turn)
         told[CLOUD.format(counted(run.system, cloud))] = None
-    ends = run.reached if run.span is not None else run.last_time
+    ends = run._reached if run._span is not None else run._last_time
     for k, i in enumerate(known.bodies):
         last = last_seen(values[:, k])
         gone = 0 <= last < len(t) - 1 and np.isnan(values[last + 1 :, k]).all()

@@ -282,7 +282,7 @@ def _merged(run: Run) -> NDArray[np.bool_]:
     """Return which massive bodies are gone by the last sample, (bodies,)."""
     if run.changes is None:
         return np.zeros(len(run.names), dtype=bool)
-    return np.asarray(run.system.massive & ~run.changes.bodies_at(run.last_time).present)
+    return np.asarray(run.system.massive & ~run.changes.bodies_at(run._last_time).present)
 
 
 def looks_of(system: State, chosen: list[int]) -> tuple[Looks, list[int]]:

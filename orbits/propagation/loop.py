@@ -278,16 +278,16 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
-    trajectory.span = 0.0, _reached(marcher, grid, complete, watch)
+    trajectory._span = 0.0, _reached(marcher, grid, complete, watch)
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
     if isinstance(marcher, LeavingMarcher):
         trajectory._excursions = Excursions.of(system, grid.clock, *marcher.excursions())
     trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
     if isinstance(marcher, ChangingMarch) and marcher.changed:
-        trajectory.kept = None  # steps are of the bodies of the start
+        trajectory._kept = None  # steps are of the bodies of the start
     else:
-        trajectory.record = record_of(of_this_leg(marcher), observed_until(trajectory))
+        trajectory._record = record_of(of_this_leg(marcher), observed_until(trajectory))
     yield None
     try:
         with StopRequest() as late:
@@ -323,11 +323,11 @@ def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Fi
     if not watch.check_step:
         return
     yield from energy_lost(trajectory)
-    if trajectory.record is None:
+    if trajectory._record is None:
         return
     if is_rigid(trajectory.system):
         yield from overlaps(trajectory, seen_by(trajectory))
-    if len(trajectory.record.listed):
+    if len(trajectory._record.listed):
         maps = trajectory.integrator.follows_kepler
         look = kepler_splitting.not_followed if maps else unresolved_passages.not_resolved
         yield from look(trajectory, seen_by(trajectory))

@@ -235,7 +235,7 @@ def _coefficients(
     """March through all records. Raises _TooLongError as soon as a block of them misses the tolerance."""
     units = run.system.units
     km, kms = float(units.length.to(u.km)), float(units.speed.to(u.km / u.s))
-    march = run.begun()
+    march = run._begun()
     coefficients = np.empty((grid.records, chebyshev.DEGREE + 1, len(places), 3))
     lost = np.zeros(len(places))
     order = range(grid.records) if run.clock.direction > 0 else range(grid.records - 1, -1, -1)

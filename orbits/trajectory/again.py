@@ -72,27 +72,27 @@ class MarchedAgain:
     it is loaded, which `orbits.Trajectory` causes."""
 
     @property
-    def last_time(self) -> float:
+    def _last_time(self) -> float:
         """The time of the last sample, in the unit of time of the system; 0 without samples."""
         run: Trajectory = self  # type: ignore[assignment]
         return float(run.times[-1]) if len(run) else 0.0
 
     @property
-    def reached(self) -> float:
+    def _reached(self) -> float:
         """The time up to which the run was marched, which may lie behind its last sample; of samples alone, the last
         time.
         """
         run: Trajectory = self  # type: ignore[assignment]
-        return self.last_time if run.span is None else run.span[1]
+        return self._last_time if run._span is None else run._span[1]
 
     @property
-    def earliest(self) -> float:
+    def _earliest(self) -> float:
         """The earliest time of which there is a state: that of the start of the run or its end, or of a sample."""
         run: Trajectory = self  # type: ignore[assignment]
-        return float(np.min(run.times, initial=self.last_time)) if run.span is None else min(run.span)
+        return float(np.min(run.times, initial=self._last_time)) if run._span is None else min(run._span)
 
     @property
-    def has_stopped(self) -> bool:
+    def _has_stopped(self) -> bool:
         """Whether an event, a condition or a callback ended the run."""
         run: Trajectory = self  # type: ignore[assignment]
         return run._stopped is not None or (run.archive is not None and run.archive.ended.how == STOPPED)
@@ -104,7 +104,7 @@ class MarchedAgain:
         From an archive the state is that of run.at, and its condition is None.
         """
         run: Trajectory = self  # type: ignore[assignment]
-        if run._stopped is None and self.has_stopped:
+        if run._stopped is None and self._has_stopped:
             run._stopped = self._marches_again("run.stopped").stopped(run)
         return run._stopped
 
@@ -228,15 +228,15 @@ class MarchedAgain:
         self._marches_again("run.ephemeris")
         return ephemeris_of(run, bodies, observer, times, H=H, G=G, attributes=attributes(run.system))
 
-    def before(self, times: Array) -> tuple[Array, Array]:
+    def _before(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.before").before(run, times)
+        return self._marches_again("run._before").before(run, times)
 
-    def begun(self) -> March:
+    def _begun(self) -> March:
         """Return a march of the run from its initial state, with its method and its step."""
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.begun").begun(run)
+        return self._marches_again("run._begun").begun(run)
 
     def to_spk(self, path: str | PathLike[str], **options: Any) -> SpkFile:
         """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""

@@ -17,6 +17,7 @@ from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers, place_in
 from orbits.errors import ArchiveError, InputError, shown, with_unit
 from orbits.export import Labelled, Tabular, html_pairs
+from orbits.former_names import moved as now_called
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.clocks.variable_steps import ChangingSteps
@@ -73,9 +74,6 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
 
-    span : the times from and up to which the run was marched, since the epoch, in the unit of time; None for samples
-        alone, as those of run[10:20]
-
     run.t, run.q, run.v have units; run["Ceres"] is the trajectory of one body, run[-1] the `System` at the last sample,
     run[10:20] a `Trajectory` of some of the samples. Massless particles that could not be integrated any further are
     listed in run.retired; from then on they are NaN in run.q and run.v, and absent from run[k].
@@ -124,19 +122,19 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         self.path = path
         self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
-        self.span: tuple[float, float] | None = None
+        self._span: tuple[float, float] | None = None
         self._stopped = stopped
         self.archive: Archive | None = None
-        self.record = record
-        self.passages: Any = None
+        self._record = record
+        self._passages: Any = None
         self.error_bars: ErrorBars | None = None
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
         self._events: Events | None = None
         self._excursions: Excursions | None = None
-        self.accounts = accounts
+        self._accounts = accounts
         self.changes: Changes | None = None
-        self.kept = kept
+        self._kept = kept
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -186,9 +184,14 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         run.archive = archive
         run.changes = changes_of(archive)
         if run.changes is not None and run.changes.begin_legs:
-            run.kept = None  # steps are of the bodies of the start
-        run.span = 0.0, archive.reached
+            run._kept = None  # steps are of the bodies of the start
+        run._span = 0.0, archive.reached
         return run
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            raise AttributeError(f"a Trajectory has no attribute {name!r}{now_called('Trajectory', name) or '.'}")
 
     def close(self) -> None:
         """Close the archive behind this trajectory; nothing can be read from it afterwards."""
@@ -204,6 +207,17 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     def t(self) -> u.Quantity:
         """Times since the epoch, shape (n,)."""
         return u.Quantity(self.times, self.system.units.time)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The times from and up to which `run.at` answers, since the epoch, in the unit of time: of the start of the
+        run and of its end, which may lie behind its last sample; of samples alone, as those of run[10:20], the first
+        and the last, and 0 without any.
+        """
+        if self._span is not None:
+            return self._span
+        first, last = (float(self.times.min()), float(self.times.max())) if len(self) else (0.0, 0.0)
+        return (first, last) if self.clock.direction > 0.0 else (last, first)
 
     @property
     def epochs(self) -> Time:
@@ -395,19 +409,19 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             times = self.times[samples]
         except (TypeError, ValueError) as error:
             raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
-        some = self.with_samples(
+        some = self._with_samples(
             times, _as_array(self._q)[samples], _as_array(self._v)[samples], certificate=self.certificate
         )
-        some.accounts = self._own_accounts()
-        some.accounts = None if some.accounts is None else some.accounts[samples]
+        some._accounts = self._own_accounts()
+        some._accounts = None if some._accounts is None else some._accounts[samples]
         return some
 
     def _own_accounts(self) -> Array | None:
         """What forces did up to each sample, also of an archive, or None where it is not known."""
-        known = self.accounts is not None or self.archive is not None
+        known = self._accounts is not None or self.archive is not None
         return accounts_of(self) if known and self.system.forces else None
 
-    def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
+    def _with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
         """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), floats."""
         other = Trajectory(
             self.system,
@@ -419,7 +433,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             certificate=certificate,
             again=self._again,
             retired=self.retired,
-            kept=self.kept,
+            kept=self._kept,
         )
         other.changes, other._events = self.changes, self.events.between(other.times)
         other._excursions = self.excursions
@@ -449,7 +463,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known: dict[str, Any] = {"_stopped": self.stopped, "span": self.span, "record": self.record}
+        known: dict[str, Any] = {"_stopped": self.stopped, "_span": self._span, "_record": self._record}
         known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
         known |= {"_excursions": self.excursions}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
@@ -457,7 +471,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
         known: dict[str, Any] = {"_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
-        known |= {"accounts": self._own_accounts()}
+        known |= {"_accounts": self._own_accounts()}
         return {**vars(self), **known, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
@@ -475,8 +489,8 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             pairs |= {"excursions": f"{self.excursions.total:,}"}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
-        if self.kept is not None:
-            pairs |= {"dense output": f"from {len(self.kept):,} states"}
+        if self._kept is not None:
+            pairs |= {"dense output": f"from {len(self._kept):,} states"}
         if self.certificate is not None:
             pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
         return html_pairs(repr(self), pairs.items())
@@ -489,8 +503,8 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         lost = f" ({lost})" if lost else ""
         bodies = f"{len(self.names)} bod{'y' if len(self.names) == 1 else 'ies'}"
         what = f"{bodies}{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
-        if self.reached != self.last_time and (self.complete or self.has_stopped):
-            what += f" of a run to {with_unit(f'{self.reached:.6g}', self.system.units.time)}"
+        if self._reached != self._last_time and (self.complete or self._has_stopped):
+            what += f" of a run to {with_unit(f'{self._reached:.6g}', self.system.units.time)}"
         if count := self.excursions.total:
             what += f", {count:,} excursion{'s' * (count > 1)} from the map"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
@@ -499,10 +513,10 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         """Return how many massive bodies are gone by the end of the run, or the last of these samples."""
         if self.changes is None:
             return 0
-        end = self.changes.bodies_at(self.last_time if self.span is None else self.span[1])
+        end = self.changes.bodies_at(self._last_time if self._span is None else self._span[1])
         return int((self.system.massive & ~end.present).sum())
 
-    def sample(self, k: int) -> tuple[Array, Array]:
+    def _sample(self, k: int) -> tuple[Array, Array]:
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
         return self._q[k], self._v[k]
 

@@ -80,15 +80,15 @@ def keeping(path: Path | None = None, **options: Any) -> orbits.Trajectory:
 def all_steps() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The samples, and times, positions and velocities of all steps, of that run."""
     run = keeping()
-    return run.q.value, run.kept.times, *run.kept.states(np.arange(len(run.kept)))
+    return run.q.value, run._kept.times, *run._kept.states(np.arange(len(run._kept)))
 
 
 def is_part_of_the_kept_run(run: orbits.Trajectory) -> bool:
     """Whether its samples and steps are those of the run, and undamaged."""
     samples, *steps = all_steps()
     run.archive.verify()
-    n = len(run.kept)
-    found = (run.kept.times, *run.kept.states(np.arange(n)))
+    n = len(run._kept)
+    found = (run._kept.times, *run._kept.states(np.arange(n)))
     return np.array_equal(run.q.value, samples[: len(run)]) and all(
         np.array_equal(mine, known[:n]) for mine, known in zip(found, steps, strict=True)
     )

@@ -379,7 +379,7 @@ def test_an_archive_whose_method_cannot_have_its_steps_is_damaged(tmp_path):
 def test_samples_that_are_not_of_the_run_are_refused_in_spk_with_its_method(tmp_path):
     start = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
     run = propagate(start, 30 * u.day, samples=4)
-    other = run.with_samples(run.times, run.q.value + 1e-3, run.v.value)
+    other = run._with_samples(run.times, run.q.value + 1e-3, run.v.value)
     with pytest.raises(InputError, match=r"motion that Gauss\(stages=8\), adaptive steps.*unchanged run"):
         other.to_spk(tmp_path / "run.bsp")
 

@@ -110,14 +110,14 @@ def test_a_dense_run_whose_bodies_change_says_that_it_keeps_no_steps_and_can_be_
     whole = orbits.propagate(SYSTEM, dt=dt, duration=120.0, samples=61, events=BURN)
     with pytest.warns(orbits.errors.OrbitsWarning, match="dense=True: no steps are kept"):
         half = orbits.propagate(SYSTEM, dt=dt, duration=60.0, samples=31, events=BURN, dense=True, archive=path)
-    assert half.kept is None
+    assert half._kept is None
     half.close()
     run = orbits.resume(path, until=120.0, events=BURN)
-    assert run.kept is None
+    assert run._kept is None
     assert np.array_equal(run.q, whole.q)
     assert np.array_equal(run.at(times).q, whole.at(times).q)
     run.close()
-    assert orbits.Trajectory.open(path).kept is None
+    assert orbits.Trajectory.open(path)._kept is None
 
 
 def test_a_dense_run_whose_functions_change_nothing_keeps_its_steps(tmp_path: Path) -> None:
@@ -125,4 +125,4 @@ def test_a_dense_run_whose_functions_change_nothing_keeps_its_steps(tmp_path: Pa
     look = orbits.events.Pericentre("ship", then=lambda t, system: seen.append(float(t.value)))
     run = orbits.propagate(SYSTEM, duration=60.0, events=look, dense=True)
     assert len(seen) == len(run.events) > 1
-    assert len(run.kept) > run.statistics.steps // 2
+    assert len(run._kept) > run.statistics.steps // 2

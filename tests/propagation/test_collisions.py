@@ -352,7 +352,7 @@ def test_unsound_collisions_are_refused() -> None:
 
 def test_what_knows_the_same_bodies_from_start_to_end_refuses_runs_with_mergers() -> None:
     run = orbits.propagate(pair(), duration=4.0, events=MERGE)
-    for refused in (run.closest_approaches, run.unresolved, run.begun, run.elements):
+    for refused in (run.closest_approaches, run.unresolved, run._begun, run.elements):
         with pytest.raises(InputError, match=r"bodies merge, (bounce, or are changed|or masses change)"):
             refused()
     quiet = orbits.propagate(pair(), duration=1.0, events=MERGE)

@@ -139,15 +139,15 @@ def test_a_run_that_its_wall_time_ends_again_and_again_gets_the_bits_of_one_that
     looks[0] = 1
     part = orbits.resume(path, wall_time=60)
     assert not part.complete
-    assert part.reached > run.reached
+    assert part._reached > run._reached
     part.close()
     again = orbits.resume(path, wall_time=1e6) if looks.__setitem__(0, 10**9) is None else None
     assert again.complete
     assert np.array_equal(again.q, straight.q)
     assert np.array_equal(again.v, straight.v)
     assert again.stopped is None
-    if again.kept is not None:
-        assert np.array_equal(again.kept.times, straight.kept.times)
+    if again._kept is not None:
+        assert np.array_equal(again._kept.times, straight._kept.times)
 
 
 def test_the_systems_of_a_list_keep_one_limit(giants: orbits.System, looks: list[int]) -> None:

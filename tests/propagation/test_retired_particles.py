@@ -182,7 +182,7 @@ def test_states_between_samples_follow_the_same_rule(run, dense):
 def test_nan_of_others_is_no_state(run):
     q = run.q.value.copy()
     q[-1, run.names.index("p3")] = np.nan
-    spoilt = run.with_samples(run.times, q, run.v.value)
+    spoilt = run._with_samples(run.times, q, run.v.value)
     with pytest.raises(orbits.errors.InputError, match="p3"):
         spoilt[-1]
 

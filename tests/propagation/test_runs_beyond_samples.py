@@ -96,7 +96,7 @@ def test_an_archive_goes_on_to_the_end_of_the_run_after_an_interruption(
     half = orbits.Trajectory.open(path)
     assert len(half) == 2
     assert not half.complete
-    assert half.reached < 40.0
+    assert half._reached < 40.0
     half.close()
     resumed = orbits.resume(path)
     assert resumed.complete
@@ -107,7 +107,7 @@ def test_an_archive_goes_on_to_the_end_of_the_run_after_an_interruption(
     resumed.close()
     again = orbits.resume(path)  # nothing is left to do
     assert again.statistics is None
-    assert again.reached == 40.0
+    assert again._reached == 40.0
     assert np.array_equal(again.events.time, whole.events.time)
 
 

@@ -311,7 +311,7 @@ def test_approaches_among_many_massive_bodies_are_as_recorded_and_the_page_says_
     run = orbits.propagate(system, dt=0.01, duration=12.0, samples=7, progress=False, check_step=False)
     found = data_of(orbits.view(run, show=False).html())["header"]["approaches"]
     assert found["said"] == "of 3 massive bodies: as recorded on the way, to about 1e-3 of the distance"
-    assert not run.passages.refined
+    assert not run._passages.refined
     exact = [one.distance.value for one in run.closest_approaches()]
     assert exact
     np.testing.assert_allclose([row[3] for row in found["list"]], exact[: len(found["list"])], rtol=1e-3)

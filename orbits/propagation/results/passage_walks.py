@@ -243,5 +243,5 @@ def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
     """Return q and v, (bodies, 3), and the time of a sample, or (-1) of the start of the run."""
     if sample < 0:
         return trajectory.system.values.q, trajectory.system.values.v, 0.0
-    q, v = trajectory.sample(sample)
+    q, v = trajectory._sample(sample)
     return q, v, float(trajectory.times[sample])

@@ -62,7 +62,7 @@ def _closest(marcher: Marcher) -> Array | None:
 
 def observed_until(run: Trajectory) -> float:
     """Return the time up to which the passages of a run are known: its end, or where it was stopped."""
-    return run.reached if run.complete or run.has_stopped else run.last_time
+    return run._reached if run.complete or run._has_stopped else run._last_time
 
 
 def passages_of(trajectory: Trajectory, record: Record | None) -> Seen:

@@ -41,7 +41,7 @@ class Replay:
         """Return a march of a run from its initial state."""
         from orbits.propagation.marchers import bound
 
-        _refuse_legs(run, "run.to_spk() and run.begun() march")
+        _refuse_legs(run, "run.to_spk() marches")
         return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
@@ -143,7 +143,7 @@ class Replay:
 
         assert run.archive is not None
         ended = run.archive.ended
-        time = run.reached if ended.time is None else ended.time
+        time = run._reached if ended.time is None else ended.time
         return Stop(ended.why, None, u.Quantity(time, run.system.units.time), self.at(run, time))
 
 
@@ -181,16 +181,16 @@ def _refuse_legs(run: Trajectory, what: str) -> None:
 def seen_by(run: Trajectory) -> Seen:
     """Return the passages of a run, which are determined once and stored with it."""
     _refuse_legs(run, "run.closest_approaches() and run.unresolved() follow")
-    if run.record is None and run.archive is None:
+    if run._record is None and run.archive is None:
         raise InputError(
             f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "
             "returned by orbits.propagate or orbits.resume."
         )
-    if run.passages is None:
+    if run._passages is None:
         from orbits.propagation.results.recording import passages_of
 
-        run.passages = passages_of(run, run.record)
-    seen: Seen = run.passages
+        run._passages = passages_of(run, run._record)
+    seen: Seen = run._passages
     return seen
 
 
