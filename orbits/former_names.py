@@ -6,6 +6,7 @@ A name that is asked for and not there is looked up here, and the error says the
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 SPACES: Mapping[str, tuple[str, ...]] = {
     "methods": (
@@ -98,6 +99,11 @@ SPACES: Mapping[str, tuple[str, ...]] = {
 
 NOW: Mapping[str, Mapping[str, str]] = {
     "orbits": {name: f"orbits.{space}.{name}" for space, names in SPACES.items() for name in names},
+    "System": {
+        "from_states": "System(names, gm, q, v, ...)",
+        "from_mpcorb": "System.from_catalogue(orbits.read_mpcorb(...))",
+        "from_sbdb": "System.from_catalogue(orbits.read_sbdb(...))",
+    },
     "Trajectory": {
         "sample": "run[k], a System, or run.q[k] and run.v[k]",
         "reached": "run.span[1]",
@@ -116,3 +122,25 @@ def moved(owner: str, name: str) -> str | None:
     """
     now = NOW.get(owner, {}).get(name)
     return None if now is None else f": it is {now} now."
+
+
+class _Names(type):
+    """Answers for the class itself."""
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(cls, name: str) -> None:
+            where = moved(cls.__name__, name) or "."
+            raise AttributeError(f"the class {cls.__name__} has no attribute {name!r}{where}")
+
+
+class Renamed(metaclass=_Names):
+    """A class some of whose attributes have moved: the error for one of them says the new name."""
+
+    __slots__ = ()
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> None:
+            cls = type(self).__name__
+            raise AttributeError(f"this {cls} has no attribute {name!r}{moved(cls, name) or '.'}")

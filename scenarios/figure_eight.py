@@ -39,7 +39,7 @@ def figure_eight():
     row = next(row for row in rows if row["name"].startswith("figure-8"))
     p = np.array([float(row["p1"]), float(row["p2"]), 0.0])
     q = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    bodies = orbits.System.from_states(
+    bodies = orbits.System(
         ["first", "second", "third"], np.ones(3), q, [p, p, -2 * p], units=orbits.DIMENSIONLESS
     )
     return bodies, float(row["T"])

@@ -40,7 +40,7 @@ def system():
     data = book()
     G = data["G"]
     mass = [float(m) if "/" not in m else float(m.split("/")[0]) / float(m.split("/")[1]) for m in data["m"]]
-    return orbits.System.from_states(data["bodies"], G * np.array(mass), data["q"], data["v"], units=orbits.SOLAR)
+    return orbits.System(data["bodies"], G * np.array(mass), data["q"], data["v"], units=orbits.SOLAR)
 
 
 def march(bodies, method, dt):

@@ -45,7 +45,7 @@ def against_quadruple_precision(run, dt):
     """The method and step of a run, on the problem whose solution is bundled with 34 digits, for at most as long."""
     data = json.loads(data_path("solar_system_10body.json").read_text(encoding="utf-8"))
     years = max(int(year) for year in data["reference_years"] if int(year) * YEAR <= run.times[-1])
-    start = orbits.System.from_states(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
+    start = orbits.System(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
     end = orbits.propagate(
         start, run.integrator, dt=dt, duration=years * YEAR, samples=2, check_step=False, progress=False
     )

@@ -17,7 +17,7 @@ from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers, place_in
 from orbits.errors import ArchiveError, InputError, shown, with_unit
 from orbits.export import Labelled, Tabular, html_pairs
-from orbits.former_names import moved as now_called
+from orbits.former_names import Renamed
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.clocks.variable_steps import ChangingSteps
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
+class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular, Renamed):
     """The samples of a run.
 
     system : the initial state, which also determines names, GM, units and epoch
@@ -187,11 +187,6 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             run._kept = None  # steps are of the bodies of the start
         run._span = 0.0, archive.reached
         return run
-
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            raise AttributeError(f"a Trajectory has no attribute {name!r}{now_called('Trajectory', name) or '.'}")
 
     def close(self) -> None:
         """Close the archive behind this trajectory; nothing can be read from it afterwards."""

@@ -370,7 +370,7 @@ def test_a_block_that_cannot_be_integrated_is_reported_and_the_others_go_on(tmp_
 
 
 def test_a_block_of_particles_whose_planets_collide_is_listed_as_failed(tmp_path):
-    bodies = orbits.System.from_states(["A", "B"], [1.0, 1.0], [[-0.5, 0, 0], [0.5, 0, 0]], np.zeros((2, 3)),
+    bodies = orbits.System(["A", "B"], [1.0, 1.0], [[-0.5, 0, 0], [0.5, 0, 0]], np.zeros((2, 3)),
                                        units=orbits.DIMENSIONLESS)  # fmt: skip
     members = {"q": np.array([[3.0, 0, 0], [0, 4, 0]]), "v": np.array([[0, 0.8, 0], [-0.7, 0, 0]])}
     options = {"duration": 5.0, "dt": 0.01, "integrator": "gauss", "block": 1, "check_step": False, "progress": False}
@@ -388,7 +388,7 @@ def pair(speed: float) -> orbits.System:
     if speed < 0:
         raise ValueError("no such speed")
     q, v = np.array([0.5, 0, 0]), np.array([0, speed / 2**0.5, 0])
-    return orbits.System.from_states(["A", "B"], [1.0, 1.0], [q, -q], [v, -v], units=orbits.DIMENSIONLESS)
+    return orbits.System(["A", "B"], [1.0, 1.0], [q, -q], [v, -v], units=orbits.DIMENSIONLESS)
 
 
 def test_a_grid_of_systems_has_the_bits_of_a_list_of_them(tmp_path):

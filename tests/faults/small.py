@@ -28,7 +28,7 @@ def system() -> orbits.System:
     keep = ["Sun", "Earth-Moon barycenter", "Jupiter"]
     index = [sun.names.index(name) for name in keep]
     some = sun.replaced(q=sun.values.q, v=sun.values.v)
-    return orbits.System.from_states(
+    return orbits.System(
         keep, some.values.gm[index], some.values.q[index], some.values.v[index],
         epoch=sun.epoch, units=sun.units, radii=[0.005, 1e-4, 5e-4],
     ).add_particles(orbits.asteroids(2))  # fmt: skip
@@ -69,7 +69,7 @@ KEPT: dict[str, Any] = {**ARGUMENTS, "dt": None, "duration": 6000 * u.day, "samp
 @cache
 def massive() -> orbits.System:
     x, n = system().values, 3
-    return orbits.System.from_states(system().names[:n], x.gm[:n], x.q[:n], x.v[:n], units=system().units)
+    return orbits.System(system().names[:n], x.gm[:n], x.q[:n], x.v[:n], units=system().units)
 
 
 def keeping(path: Path | None = None, **options: Any) -> orbits.Trajectory:

@@ -186,6 +186,6 @@ def test_the_beta_of_a_grain_is_that_of_burns_lamy_and_soter():
 
 
 def test_light_has_its_own_speed_in_physical_units():
-    star = orbits.System.from_states(["Sun"], gm=[1.3e20], q=[[0, 0, 0]], v=[[0, 0, 0]])
+    star = orbits.System(["Sun"], gm=[1.3e20], q=[[0, 0, 0]], v=[[0, 0, 0]])
     with pytest.raises(InputError, match=r"RadiationPressure: c is 2 AU / d, .*expected the speed of light"):
         star.with_forces(RadiationPressure(beta=0.1, c=2.0))

@@ -91,7 +91,7 @@ def test_a_particle_that_falls_is_where_it_is_on_its_way_and_hits_the_surface(co
         state_from_elements(1.0, a=1.0, e=0.99, inc=0.1, Omega=0.0, omega=0.0, M=2.0),
         strict=True,
     )
-    start = orbits.System.from_states(["star", "planet", "grain"], [1.0, planet, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    start = orbits.System(["star", "planet", "grain"], [1.0, planet, 0.0], q, v, units=orbits.DIMENSIONLESS)
     options = {"duration": 6.0, "samples": 301, "progress": False}
     run = orbits.propagate(start, method, dt=0.02, **options)
     truth = orbits.propagate(start, **options)

@@ -125,7 +125,7 @@ def test_compositions_are_described_built_and_typed():
 
 def test_a_run_of_a_composition_is_stored_and_extended_bit_for_bit(tmp_path):
     gm, q, v = kepler(0.3)
-    system = orbits.System.from_states(["a", "b"], gm, q, v, units=orbits.DIMENSIONLESS)
+    system = orbits.System(["a", "b"], gm, q, v, units=orbits.DIMENSIONLESS)
     straight = orbits.propagate(system, IMPLICIT, dt=0.1, duration=4.0, samples=9)
     orbits.propagate(system, IMPLICIT, dt=0.1, duration=2.0, samples=5, archive=tmp_path / "run.h5")
     longer = orbits.resume(tmp_path / "run.h5", until=4.0)

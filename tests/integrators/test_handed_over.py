@@ -114,7 +114,7 @@ def test_crossers_come_out_of_their_encounters_as_by_steps_chosen_one_by_one():
 def system(elements):
     gm, q, v = with_particles(elements)
     names = ["Sun", "Jupiter", "Saturn", *(f"p{k}" for k in range(len(elements)))]
-    return orbits.System.from_states(names, gm, q, v, units=orbits.SOLAR, epoch="2022-08-09")
+    return orbits.System(names, gm, q, v, units=orbits.SOLAR, epoch="2022-08-09")
 
 
 def ends(start, method=None, *, years=-40, **options):
@@ -225,7 +225,7 @@ def test_what_is_ejected_or_falls_too_close_is_retired_after_every_64th_step(enc
     gm, q, v = with_particles([(3.0, 0.0, 1.0), (2.9, 0.3, 1.0), QUIET[1]])
     v[3] *= 1.5  # on an open orbit
     names = ["Sun", "Jupiter", "Saturn", "comet", "stone", "rock"]
-    start = orbits.System.from_states(names, gm, q, v, units=orbits.SOLAR)
+    start = orbits.System(names, gm, q, v, units=orbits.SOLAR)
     method = orbits.WisdomHolman(encounters=encounters, ejected_beyond=30.0, lost_within=2.1)
     options = {"dt": 60 * u.day, "duration": 50 * u.yr, "progress": False, "check_step": False}
     with pytest.warns(RetiredWarning, match="retired 2 massless particles, as asked: their q and v") as seen:
@@ -253,7 +253,7 @@ def test_planets_that_meet_end_the_run_if_asked():
     q[1], v[1] = state_from_elements(gm[0], a=5.1, e=0.02, M=1.5)
     q[1:3], v[1:3] = q[1:3] + q[0], v[1:3] + v[0]
     gm[1:3] *= [0.1, 0.3]
-    start = orbits.System.from_states(["Sun", "one", "other", "p"], gm, q, v, units=orbits.SOLAR)
+    start = orbits.System(["Sun", "one", "other", "p"], gm, q, v, units=orbits.SOLAR)
     options = {"dt": DT * u.day, "duration": 300 * u.yr, "progress": False, "check_step": False}
     warned = orbits.propagate(start, WARN, samples=4, **options)
     met = min(warned.unresolved(), key=lambda passage: passage.time)

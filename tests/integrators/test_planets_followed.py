@@ -40,7 +40,7 @@ def planets(mass=1e-3, sizes=(5.2, 6.3, 7.9), e=0.05, seed=1, particles=()):
     names = ["star", *"bcdefg"[: len(sizes)], *(f"p{k}" for k in range(len(particles)))]
     massive = slice(0, 1 + len(sizes))
     q, v = (x - gm[massive] @ x[massive] / gm[massive].sum() for x in (q, v))
-    return orbits.System.from_states(names, gm, q, v, units=orbits.SOLAR)
+    return orbits.System(names, gm, q, v, units=orbits.SOLAR)
 
 
 def energy_errors(run):
@@ -131,7 +131,7 @@ def test_without_encounters_every_bit_is_that_of_the_map():
     """The Sun and eight planets in steps of 3 d."""
     gm, q, v, _ = solar_system(8)
     names = ["Sun", *map(str, range(8))]
-    start = orbits.System.from_states(names, gm, q, v, units=orbits.SOLAR)
+    start = orbits.System(names, gm, q, v, units=orbits.SOLAR)
     options = {"dt": "3 d", "duration": "200 yr", "samples": 5, "progress": False}
     followed, plain = (orbits.propagate(start, method, **options) for method in (FOLLOW, WARN))
     assert not len(followed.excursions)
@@ -233,7 +233,7 @@ def test_a_pericentre_of_a_planet_that_the_step_does_not_resolve_is_followed():
     gm = SUN * np.array([1.0, 1e-4, 1e-3])
     inner, outer = state_from_elements(SUN, a=3.0, e=0.9, M=3.0), state_from_elements(SUN, a=12.0, M=1.0)
     q, v = (np.array([np.zeros(3), one, two]) for one, two in zip(inner, outer, strict=True))
-    start = orbits.System.from_states(["star", "b", "c"], gm, q, v, units=orbits.SOLAR)
+    start = orbits.System(["star", "b", "c"], gm, q, v, units=orbits.SOLAR)
     options = {"dt": "12 d", "duration": "500 yr", "samples": 11, "progress": False}
     followed, alone = (energy_errors(orbits.propagate(start, method, **options)) for method in (FOLLOW, WARN))
     assert followed.max() < 1e-8
@@ -269,7 +269,7 @@ def test_particles_that_hit_a_planet_on_an_excursion_are_retired_there(tmp_path)
     apart, turn = np.array([0.1, 0.0, 0.0]), np.array([0.0, np.sqrt(2e-3 * SUN / 0.1), 0.0])
     q = np.array([np.zeros(3), centre - apart / 2, centre + apart / 2, centre + 0.3 * turn / turn[1], 3.0 * centre])
     v = np.array([np.zeros(3), speed - turn / 2, speed + turn / 2, speed, speed / np.sqrt(3.0)])
-    start = orbits.System.from_states(
+    start = orbits.System(
         ["star", "b", "c", "falls", "stays"], gm, q, v, units=orbits.SOLAR, radii=[0.0, 0.04, 0.04, 0.0, 0.0]
     )
     method = orbits.WisdomHolman(planets="follow", encounters="follow")

@@ -32,7 +32,7 @@ def state(seed=3):
 def system(minor=MINOR):
     q, v = state()
     names = [f"body {i}" for i in range(len(GM))]
-    made = orbits.System.from_states(names, GM, q, v, units=orbits.DIMENSIONLESS).barycentric()
+    made = orbits.System(names, GM, q, v, units=orbits.DIMENSIONLESS).barycentric()
     return made.with_terms(orbits.terms.MinorBodies(bodies=[names[i] for i in sorted(minor)])) if minor else made
 
 

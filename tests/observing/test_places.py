@@ -129,7 +129,7 @@ def test_from_the_sun_there_are_no_elongations_and_distances_are_heliocentric(ru
 def test_a_planet_with_its_moons_is_placed_by_their_barycentre():
     gm = [869.3, 106.1] * u.km**3 / u.s**2
     q, v = [[0, 0, 0], [19_596, 0, 0]] * u.km, [[0, 0, 0], [0, 0.222, 0]] * u.km / u.s
-    pair = orbits.System.from_states(["Pluto", "Charon"], gm, q, v, epoch=EPOCH)
+    pair = orbits.System(["Pluto", "Charon"], gm, q, v, epoch=EPOCH)
     both = orbits.propagate(pair, duration=1 * u.min, samples=2).ephemeris(times=0.0)
     share = np.average(both.dec[0].value, weights=gm.value) * u.deg
     # Reached: 0.0001 mas. Pluto is 2,100 km from the barycentre: 24 mas in declination.

@@ -44,7 +44,7 @@ PICTURES = {
 
 def alone():
     q, v = [[1.0, 0.0, 0.0]], [[0.1, 0.0, 0.2]]
-    system = orbits.System.from_states(["rock"], [1.0], q, v, units=orbits.DIMENSIONLESS)
+    system = orbits.System(["rock"], [1.0], q, v, units=orbits.DIMENSIONLESS)
     times = np.linspace(0.0, 10.0, 11)
     q, v = system.values.q + times[:, None, None] * system.values.v, np.tile(system.values.v, (11, 1, 1))
     return orbits.Trajectory(system, times, q, v, step=0.1, integrator=orbits.StormerVerlet())

@@ -46,7 +46,7 @@ def test_ten_bodies_stay_with_quadruple_precision(years, allowed_km):
     Single runs: round-off is luck of a factor of 3 either way, and grows with the power 3/2 of time.
     """
     data = json.loads(data_path("solar_system_10body.json").read_text())
-    system = orbits.System.from_states(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
+    system = orbits.System(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
     end = float(years) * 365.25
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=6.0, duration=end, samples=[end])
     truth = np.array([[float(x) for x in row[:3]] for row in data["reference_years"][years]])
@@ -77,7 +77,7 @@ def test_gauss_keeps_the_bound_of_rebounds_ias15_test():
 
 def test_gauss_follows_a_particle_that_gravity_hardly_bends():
     """REBOUND's `test_ias_veryhyperbolic`: one step of 1.234567 at a speed of 100,000, 1e-10 asserted."""
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["star", "bullet"], [1.0, 0.0], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1e5, 0]], units=orbits.DIMENSIONLESS
     )
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=1.234567, duration=1.234567, samples=2)

@@ -21,7 +21,7 @@ QUIET = {"progress": False, "check_step": False}
 def system(particles=0):
     gm, q, v = three_bodies(particles)
     names = ["star", "inner", "outer", *(f"p{k}" for k in range(particles))]
-    return orbits.System.from_states(names, gm, q, v, units=orbits.DIMENSIONLESS)
+    return orbits.System(names, gm, q, v, units=orbits.DIMENSIONLESS)
 
 
 def times(count=300, end=20.0):
@@ -231,9 +231,9 @@ def test_behind_the_last_step_the_march_goes_on_with_shorter_steps_where_it_must
     q = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1e-6, 0.0]])
     v = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.5]])
     names = ["star", "planet", "moonlet"]
-    meeting = orbits.System.from_states(names, np.array([1.0, 1e-9, 1e-12]), q, v, units=orbits.DIMENSIONLESS)
+    meeting = orbits.System(names, np.array([1.0, 1e-9, 1e-12]), q, v, units=orbits.DIMENSIONLESS)
     before = orbits.propagate(meeting, duration=-0.5, **QUIET)[-1]
-    start = orbits.System.from_states(
+    start = orbits.System(
         names, before.values.gm, before.values.q, before.values.v, units=orbits.DIMENSIONLESS
     )
     times = orbits.propagate(start, duration=0.6, dense=True, **QUIET)._kept.times[:, 0]

@@ -16,7 +16,7 @@ STATES: dict[str, Any] = {
     "v": [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
     "units": orbits.DIMENSIONLESS,
 }
-PAIR = orbits.System.from_states(**STATES)
+PAIR = orbits.System(**STATES)
 TOUCHING = PAIR.replaced(radii=[0.9, 0.2])
 
 GAP = re.compile(r" [,.;:)](?!\.)|\(\s|  | in$|\s$")
@@ -32,13 +32,13 @@ WRONG: dict[str, Callable[[], Any]] = {
     "a condition that holds": lambda: orbits.propagate(
         PAIR, duration=2.0, stop=orbits.events.CloserThan(3.0, "star", "planet")
     ),
-    "a negative softening": lambda: orbits.System.from_states(**STATES, softening=-1.0),
-    "two softenings": lambda: orbits.System.from_states(**STATES, softening=[1.0, 2.0]),
-    "a negative mass": lambda: orbits.System.from_states(**{**STATES, "gm": [1.0, -1.0]}),
-    "a position that is not finite": lambda: orbits.System.from_states(
+    "a negative softening": lambda: orbits.System(**STATES, softening=-1.0),
+    "two softenings": lambda: orbits.System(**STATES, softening=[1.0, 2.0]),
+    "a negative mass": lambda: orbits.System(**{**STATES, "gm": [1.0, -1.0]}),
+    "a position that is not finite": lambda: orbits.System(
         **{**STATES, "q": [[0.0, 0.0, 0.0], [float("nan"), 0.0, 0.0]]}
     ),
-    "bodies at one place": lambda: orbits.System.from_states(**{**STATES, "q": [[0.0, 0.0, 0.0]] * 2}),
+    "bodies at one place": lambda: orbits.System(**{**STATES, "q": [[0.0, 0.0, 0.0]] * 2}),
     "no mass": lambda: orbits.System.from_elements({"star": {"gm": 0.0}}, units=orbits.DIMENSIONLESS),
 }
 

@@ -232,7 +232,7 @@ def test_pericentres_that_spoil_a_run_together_are_told_though_none_does_by_itse
 
 
 def test_a_softened_fall_is_judged_by_its_softened_speed_and_ends():
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["a", "b"],
         gm=[1, 0],
         q=[[0, 0, 0], [1, 0, 0]],

@@ -84,7 +84,7 @@ def test_check_step_false_says_nothing():
 
 
 def test_a_fall_straight_into_a_body_is_told():
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["a", "b"], [1.0, 0.0], [[0, 0, 0], [1.0, 0, 0]], np.zeros((2, 3)), units=orbits.DIMENSIONLESS
     )
     assert "b falls straight into a" in caught(system, VERLET, 0.01, 1.2)[1][0]
@@ -92,7 +92,7 @@ def test_a_fall_straight_into_a_body_is_told():
 
 def test_a_passage_that_the_step_did_not_resolve_is_told_after_the_run_and_one_it_did_is_not():
     """A particle passes a light planet far from the star."""
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["star", "planet", "particle"],
         [1.0, 1e-4, 0.0],
         [[0, 0, 0], [100.0, 0, 0], [99.99, -0.5, 0]],
@@ -163,7 +163,7 @@ def test_a_text_that_is_no_step_is_refused(text):
 
 
 def test_a_fraction_of_a_period_needs_a_bound_body():
-    system = orbits.System.from_states(["a"], [1.0], [[0, 0, 0]], [[0, 0, 0]], units=orbits.DIMENSIONLESS)
+    system = orbits.System(["a"], [1.0], [[0, 0, 0]], [[0, 0, 0]], units=orbits.DIMENSIONLESS)
     with pytest.raises(orbits.errors.InputError, match="no body is bound"):
         orbits.propagate(system, GAUSS, dt="P/20", duration=1.0)
 

@@ -124,7 +124,7 @@ def test_pairs_of_many_bodies_that_are_not_looked_at_could_not_have_met(kind):
     rng, n = np.random.default_rng(5), 100
     q, v = rng.normal(size=(n, 3)), 0.5 * rng.normal(size=(n, 3))
     names = [f"b{k}" for k in range(n)]
-    ball = orbits.System.from_states(names, gm=np.full(n, 1 / n), q=q, v=v, units=orbits.DIMENSIONLESS, softening=0.05)
+    ball = orbits.System(names, gm=np.full(n, 1 / n), q=q, v=v, units=orbits.DIMENSIONLESS, softening=0.05)
     options = {"dt": 2**-8, "check_step": False}
     path = orbits.propagate(ball, orbits.StormerVerlet(), duration=1.0, samples=257, **options).q
     apart = np.linalg.norm(path[:, :, None] - path[:, None], axis=-1)[:, ~np.eye(n, dtype=bool)]

@@ -40,7 +40,7 @@ def giants(k: int, *, particles: int = 0, **options) -> orbits.System:
     v = speed[:, None] * np.stack([-np.sin(angle), np.cos(angle), 0.02 * np.cos(angle)], axis=1)
     v[0] = 0.0
     names = [f"body {i}" for i in range(len(masses))]
-    return orbits.System.from_states(
+    return orbits.System(
         **{"names": names, "gm": GM * masses, "q": q * u.au, "v": v * u.au / u.day, **options}
     )
 
@@ -56,7 +56,7 @@ def falling(k: int) -> orbits.System:
     q[2] = [0.0, 30.0, 0.0]
     q[0] = [0.0, -60.0, 0.0]
     v[1], v[3] = [1e-4, 0.0, 0.0], [-1e-4, 0.0, 0.0]
-    return orbits.System.from_states(system.names, gm=GM * np.array(GIANTS), q=q * u.au, v=v * u.au / u.day)
+    return orbits.System(system.names, gm=GM * np.array(GIANTS), q=q * u.au, v=v * u.au / u.day)
 
 
 def same(run: orbits.Trajectory, other: orbits.Trajectory) -> bool:
@@ -104,7 +104,7 @@ def test_a_system_that_fails_is_named_and_the_others_are_complete():
         ([giants(0), "b"], r"systems\[1\] is 'b'"),
         ([giants(0), giants(1, particles=1)], r"systems\[1\] has massless particles: 1, but systems\[0\] 0"),
         (
-            [giants(0), orbits.System.from_states(["a", "b", "c"], np.ones(3), np.eye(3), np.eye(3))],
+            [giants(0), orbits.System(["a", "b", "c"], np.ones(3), np.eye(3), np.eye(3))],
             r"systems\[1\] has massive bodies: 3, but systems\[0\] 4",
         ),
     ],
@@ -150,7 +150,7 @@ def meeting_a_planet(k: int) -> orbits.System:
     system = giants(k, particles=1)
     q, v = system.values.q.copy(), system.values.v.copy()
     q[4], v[4] = q[1] + [0.0, 0.0, 1.5], v[1] - [0.0, 0.0, 3e-3]
-    return orbits.System.from_states(system.names, system.values.gm, q, v)
+    return orbits.System(system.names, system.values.gm, q, v)
 
 
 def test_a_warning_after_the_runs_that_is_an_error_does_not_lose_them():

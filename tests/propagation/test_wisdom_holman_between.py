@@ -52,7 +52,7 @@ def test_after_an_event_that_changes_a_velocity_a_run_goes_on_from_the_state_tha
     def push(t, system):
         faster, (mercury, sun) = system.values.v.copy(), (system.names.index(name) for name in ("Mercury", "Sun"))
         faster[mercury] += 1e-3 * (faster[mercury] - faster[sun])
-        return orbits.System.from_states(
+        return orbits.System(
             system.names, system.values.gm, system.values.q, faster, units=system.units, epoch=system.epoch
         )
 

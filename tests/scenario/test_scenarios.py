@@ -55,7 +55,7 @@ BY_FORCES = ("dust",)  # in test_dust.py
 
 
 def pair(**changes):
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["star", "planet"], [1.0, 1e-3], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0.1]], units=orbits.DIMENSIONLESS
     )
     settings = {

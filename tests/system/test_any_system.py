@@ -37,7 +37,7 @@ OF_A_BODY = (
     units=st.sampled_from([SOLAR, DIMENSIONLESS]),
 )
 def test_any_states_are_a_system_or_refused(changes: dict[str, Any], units: orbits.UnitSystem) -> None:
-    works_or_says_why(lambda: System.from_states(**{**GOOD, "units": units, **changes}))
+    works_or_says_why(lambda: System(**{**GOOD, "units": units, **changes}))
 
 
 @campaign(
@@ -69,8 +69,8 @@ USES: dict[str, Callable[[Any], Any]] = {
     "solar_system": lambda x: System.solar_system(epoch=x, bodies=["Sun", "Mars"]),
     "bodies": lambda x: System.solar_system(bodies=x),
     "from_catalogue": System.from_catalogue,
-    "from_mpcorb": System.from_mpcorb,
-    "from_sbdb": System.from_sbdb,
+    "read_mpcorb": orbits.read_mpcorb,
+    "read_sbdb": orbits.read_sbdb,
     "add_particles": SUN.add_particles,
     "remove": THREE.remove,
     "replaced": lambda x: THREE.replaced(q=x),
@@ -137,7 +137,7 @@ def test_what_this_campaign_found_is_told_in_words(use: str, x: Any, message: st
 @pytest.mark.parametrize("names", ["Sun", 3, 3 * u.au, None])
 def test_names_are_a_sequence(names: Any) -> None:
     with pytest.raises(InputError, match=r"names is .*; expected a sequence of strings"):
-        System.from_states(**{**GOOD, "names": names})
+        System(**{**GOOD, "names": names})
 
 
 def test_no_names_are_nothing_to_add() -> None:

@@ -32,7 +32,7 @@ def system() -> orbits.System:
     rng = np.random.default_rng(5)
     q, v = rng.normal(size=(2, len(NAMES), 3))
     units = orbits.UnitSystem("own", u.au, u.yr / (2 * np.pi), u.M_sun)
-    return orbits.System.from_states(NAMES, np.multiply(GM, units.G), q, v, epoch="2022-08-09", units=units)
+    return orbits.System(NAMES, np.multiply(GM, units.G), q, v, epoch="2022-08-09", units=units)
 
 
 def floats() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -376,8 +376,8 @@ def test_the_span_of_a_run_is_that_of_run_at_and_of_samples_alone_that_of_theirs
 )
 def test_a_former_name_is_answered_with_the_new_one(name, now):
     run = orbits.propagate(orbits.System.solar_system(), dt="6 d", duration="6 d", samples=2, progress=False)
-    with pytest.raises(AttributeError, match=f"a Trajectory has no attribute '{name}': it is {now}"):
+    with pytest.raises(AttributeError, match=f"this Trajectory has no attribute '{name}': it is {now}"):
         getattr(run, name)
-    with pytest.raises(AttributeError, match="no attribute 'nothing'.$"):
+    with pytest.raises(AttributeError, match=r"no attribute 'nothing'\.$"):
         run.nothing  # noqa: B018
     assert name not in dir(run)

@@ -94,7 +94,7 @@ def test_a_moon_moves_about_its_planet() -> None:
 
 def test_a_run_of_three_equal_masses_is_joined_by_cubics() -> None:
     q, v = np.array([[1.0, 0, 0], [-1.0, 0.1, 0], [0.2, 1.0, 0]]), np.zeros((3, 3))
-    system = orbits.System.from_states(["A", "B", "C"], gm=[1.0] * 3, q=q, v=v, units=orbits.DIMENSIONLESS)
+    system = orbits.System(["A", "B", "C"], gm=[1.0] * 3, q=q, v=v, units=orbits.DIMENSIONLESS)
     layout = Layout.of(system)
     assert layout.gm == (0.0, 0.0, 0.0)
     assert layout.centres == (-1, -1, -1)  # their trails are in the axes of the system
@@ -104,7 +104,7 @@ def test_bodies_that_merge_are_no_centres_and_elements_have_the_masses_after_it(
     q = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.2, 0.0, 0.0], [0.0, 30.0, 0.0]])
     v = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.0], [-0.02, 0.3, 0.0], [-0.18, 0.0, 0.0]])
     gm, radii = [1.0, 1e-5, 5e-6, 1e-6], [0.01, 0.1, 0.05, 0.01]
-    system = orbits.System.from_states(["S", "A", "B", "C"], gm=gm, q=q, v=v, radii=radii, units=orbits.DIMENSIONLESS)
+    system = orbits.System(["S", "A", "B", "C"], gm=gm, q=q, v=v, radii=radii, units=orbits.DIMENSIONLESS)
     run = orbits.propagate(
         system, duration=40.0, samples=41, events=orbits.events.Collision(then=orbits.events.Merge()), progress=False
     )
