@@ -97,6 +97,17 @@ SPACES: Mapping[str, tuple[str, ...]] = {
 }
 """Names that were those of `orbits`, and the namespaces that they are in."""
 
+ROTATION = (
+    "attitude",
+    "angular_velocity",
+    "euler_angles",
+    "obliquity",
+    "libration_angle",
+    "spin",
+    "spin_angular_momentum",
+)
+"""What runs say of the rotation of bodies."""
+
 NOW: Mapping[str, Mapping[str, str]] = {
     "orbits": {name: f"orbits.{space}.{name}" for space, names in SPACES.items() for name in names},
     "System": {
@@ -105,6 +116,9 @@ NOW: Mapping[str, Mapping[str, str]] = {
         "from_sbdb": "System.from_catalogue(orbits.read_sbdb(...))",
     },
     "Trajectory": {
+        **{name: f"run.rotation.{name}" for name in ROTATION},
+        "rotation_rate": "run.rotation.rate",
+        "plot_rotation": 'run.plot("rotation", body=...)',
         "sample": "run[k], a System, or run.q[k] and run.v[k]",
         "reached": "run.span[1]",
         "earliest": "min(run.span)",

@@ -106,7 +106,7 @@ def seen(run):
     """The time in hours, the distance, the direction of the moon, and its long axis off the line to Didymos."""
     x = np.asarray((run.q[:, 1] - run.q[:, 0]).value)
     direction = np.unwrap(np.arctan2(x[:, 1], x[:, 0]))
-    axis = run.attitude("Dimorphos", matrix=True)[:, :, 0]
+    axis = run.rotation.attitude("Dimorphos", matrix=True)[:, :, 0]
     along = np.unwrap(np.arctan2(axis[:, 1], axis[:, 0]))
     return np.asarray(run.t.value), np.linalg.norm(x, axis=1), direction, along - direction
 

@@ -66,7 +66,8 @@ def falls(islands):
         in_space(islands), METHOD, dt=revolution / PER_REVOLUTION, duration=FALL * revolution, samples=16 * FALL + 1,
         progress=False,
     )  # fmt: skip
-    return np.linspace(0, FALL, 16 * FALL + 1), {name: np.asarray(run.obliquity(name).value) for name in islands}
+    turning = run.rotation
+    return np.linspace(0, FALL, 16 * FALL + 1), {name: np.asarray(turning.obliquity(name).value) for name in islands}
 
 
 def growth(revolutions, tilt):

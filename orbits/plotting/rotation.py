@@ -48,7 +48,7 @@ def plot_rotation(
 
     body : its name; may be left out if only one is rigid
     about : the body that it orbits; by default the heaviest of the others
-    Raises InputError for a run without samples, and as `run.attitude` and `run.obliquity` do.
+    Raises InputError for a run without samples, and as `run.rotation.attitude` and `run.rotation.obliquity` do.
     """
     if not len(run):
         raise InputError(f"{run!r} has no samples yet, so nothing can be drawn; expected at least one.")
@@ -59,12 +59,12 @@ def plot_rotation(
     axes = made.subplot_mosaic(mosaic, width_ratios=[1.25, 1.0])
     factor, unit = words.fitting_time(float(np.abs(run.times).max()), system.units.time)
     t, many = run.times * factor, len(run) > 2
-    rate = run.rotation_rate(name).value / (n or 1.0)
+    rate = run.rotation.rate(name).value / (n or 1.0)
     whole = f"rotation rate [{run.system.units.rate}]"
     panels = {
-        "libration": ("libration angle [deg]", _unbroken(run.libration_angle(name, primary).value)),
+        "libration": ("libration angle [deg]", _unbroken(run.rotation.libration_angle(name, primary).value)),
         "rate": ("rotation rate / n" if n else whole, rate),
-        "obliquity": ("obliquity [deg]", run.obliquity(name, primary).value),
+        "obliquity": ("obliquity [deg]", run.rotation.obliquity(name, primary).value),
     }
     for k, (key, (label, values)) in enumerate(panels.items()):
         axes[key].plot(t, values, color=style.PALETTE[k], lw=1.3, marker=None if many else "o")
@@ -118,7 +118,7 @@ def _unbroken(angles: Array) -> Array:
 
 def _draw_sky(made: Figure, axes: Axes, run: Run, body: str, pole: Array, time: tuple[Array, str]) -> None:
     """Draw the path of axis 3 in an equal-area projection about a pole."""
-    third = run.attitude(body, matrix=True)[:, :, 2]
+    third = run.rotation.attitude(body, matrix=True)[:, :, 2]
     east = np.cross([0.0, 0.0, 1.0] if abs(pole[2]) < 0.99 else [1.0, 0.0, 0.0], pole)
     east = east / np.linalg.norm(east)
     z = third @ pole

@@ -183,8 +183,8 @@ def _rigid(run: Trajectory, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "moments_per_mass": moments,
-        "attitude": last.attitude(name)[0].tolist(),
-        "spin": last.angular_velocity(name)[0].value.tolist(),
+        "attitude": last.rotation.attitude(name)[0].tolist(),
+        "spin": last.rotation.angular_velocity(name)[0].value.tolist(),
         "rate_unit": str(run.system.units.rate),
     }
 
@@ -195,7 +195,7 @@ def _turning(run: Trajectory) -> str:
     for name in list(run.system.rigid)[:MOST_ROWS]:
         moments = _rigid(run, name)["moments_per_mass"]
         shares = " : ".join(f"{x / max(moments):.6g}" for x in moments)
-        rate, tilt = last.rotation_rate(name)[0].value, last.euler_angles(name)[0, 1].value
+        rate, tilt = last.rotation.rate(name)[0].value, last.rotation.euler_angles(name)[0, 1].value
         rows.append([name, shares, f"{rate:.8g}", f"{tilt:.4g}"])
     head = ["body", "A : B : C", headed("turns by", run.system.units.rate), "tilt [deg]"]
     count = len(run.system.rigid)

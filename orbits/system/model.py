@@ -76,7 +76,7 @@ class Modelled:
 
             moon = orbits.RigidBody(shape=(180, 133, 103) * u.km, attitude="Saturn")
             run = orbits.propagate(system.with_rigid("Hyperion", moon), dt="1 h", duration="30 yr")
-            run.attitude("Hyperion")
+            run.rotation.attitude("Hyperion")
 
         The second degree of their gravity acts between all bodies: its torques turn them, and it moves the others and
         themselves. What it is between two rigid bodies, both at once, is of the fourth order in their size over their

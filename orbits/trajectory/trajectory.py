@@ -27,14 +27,13 @@ from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import changes_of, identity_of, made_by
-from orbits.trajectory.attitudes import Attitudes
 from orbits.trajectory.changes import Changes, Leg, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.excursions import Excursions
 from orbits.trajectory.parts import BodyTrajectory, Statistics
 from orbits.trajectory.retired import RetiredParticles, absent, moved
-from orbits.trajectory.spins import Spins
+from orbits.trajectory.rotation import Rotation
 from orbits.trajectory.work import accounts_of
 from orbits.units import date_text, written
 
@@ -54,7 +53,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular, Renamed):
+class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
     """The samples of a run.
 
     system : the initial state, which also determines names, GM, units and epoch
@@ -282,6 +281,11 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular, Renamed)
         return self._excursions
 
     @property
+    def rotation(self) -> Rotation:
+        """How rigid bodies, and those with `Tides`, turn: attitudes, angular velocities, obliquities, librations."""
+        return Rotation(self)
+
+    @property
     def legs(self) -> tuple[Leg, ...]:
         """The parts of the run in which bodies, masses and radii stay the same: each with its time, names, GM, radii.
 
@@ -452,7 +456,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular, Renamed)
         found = labelled_run(self.system, self.times, *samples, bodies, known, over)
         if not self.system.rigid or self._own_accounts() is None:
             return found
-        return replace(found, variables={**found.variables, **self._labelled_attitudes(found.names)})
+        return replace(found, variables={**found.variables, **self.rotation.labelled(found.names)})
 
     def __reduce__(self) -> Any:
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""

@@ -79,7 +79,7 @@ def turning(run: Any) -> Facts:
     """Return attitudes and spins at the samples, of the bodies that have them."""
     found: Facts = {}
     for name in run.names:
-        for quantity in (run.attitude, run.spin):
+        for quantity in (run.rotation.attitude, run.rotation.spin):
             with suppress(orbits.errors.InputError):
                 found[f"{quantity.__name__} of {name}"] = np.asarray(getattr(value := quantity(name), "value", value))
     return found

@@ -164,8 +164,8 @@ def calls(system: orbits.System, real: orbits.System, run: orbits.Trajectory) ->
             {"bodies": (None, ["rock"]), "within": (None, 9.0), "order": ("distance", "time")},
         ),
         "run.to_pandas": (run.to_pandas, {"bodies": (None, ["Sun"])}),
-        "run.spin": (run.spin, {"body": ("Sun",)}),
-        "run.obliquity": (run.obliquity, {"body": ("Sun",), "about": (None,)}),
+        "run.rotation.spin": (run.rotation.spin, {"body": ("Sun",)}),
+        "run.rotation.obliquity": (run.rotation.obliquity, {"body": ("Sun",), "about": (None,)}),
         "System.solar_system (model)": (
             orbits.System.solar_system,
             {"epoch": ("2022-08-09",), "bodies": (["Sun", "Mars"],), "origin": ("ssb",), "model": ("newtonian",)},

@@ -30,7 +30,7 @@ ABSURD = {
     "coordinates": lambda x: orbits.WisdomHolman(coordinates=x),
     "encounters": lambda x: orbits.methods.SABA(encounters=x),
     "a model": orbits.solar_model,
-    "a spin": RUN.spin,
+    "a spin": RUN.rotation.spin,
     "a source of relativity": lambda x: SUN.with_terms(orbits.terms.PostNewtonian(x, sources="Sun", c=1e3)),
     "a path": orbits.resume,
 }

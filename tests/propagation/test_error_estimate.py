@@ -12,8 +12,9 @@ from astropy import units as u
 import orbits
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, Interrupted, UnknownNameError
-from orbits.propagation.results import error_bars, error_estimate
+from orbits.propagation.results import error_estimate
 from orbits.regression.reference import exact
+from orbits.results import error_bars
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 YEAR = 2 * np.pi

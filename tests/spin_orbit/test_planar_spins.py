@@ -56,11 +56,11 @@ def test_a_rigid_body_in_the_plane_of_its_orbit_turns_as_the_planar_spin():
         duration=6 * np.pi, samples=4, progress=False,
     )  # fmt: skip
     section = PlanarSpins(eccentricity=e, asphericity=(190**2 - 145**2) / (190**2 + 145**2)).section(theta, rate, 3)
-    axis = run.attitude("Hyperion", matrix=True)[:, :, 0]
+    axis = run.rotation.attitude("Hyperion", matrix=True)[:, :, 0]
     seen = np.arctan2(axis[:, 1], axis[:, 0]) - section.theta[0]
     # A spin of the sea, whose errors grow fivefold in a revolution: 1e-9 is what PlanarSpins is asked for.
     assert np.abs(np.sin(seen)).max() < 2e-8
-    assert np.abs(run.angular_velocity("Hyperion").value[:, 2] - section.rate[0]).max() < 2e-8
+    assert np.abs(run.rotation.angular_velocity("Hyperion").value[:, 2] - section.rate[0]).max() < 2e-8
 
 
 @pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")

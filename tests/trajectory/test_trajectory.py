@@ -372,7 +372,13 @@ def test_the_span_of_a_run_is_that_of_run_at_and_of_samples_alone_that_of_theirs
 
 @pytest.mark.parametrize(
     ("name", "now"),
-    [("sample", r"run\[k\], a System"), ("reached", r"run\.span\[1\]"), ("last_time", r"run\.times\[-1\]")],
+    [
+        ("sample", r"run\[k\], a System"),
+        ("reached", r"run\.span\[1\]"),
+        ("last_time", r"run\.times\[-1\]"),
+        ("obliquity", r"run\.rotation\.obliquity"),
+        ("rotation_rate", r"run\.rotation\.rate"),
+    ],
 )
 def test_a_former_name_is_answered_with_the_new_one(name, now):
     run = orbits.propagate(orbits.System.solar_system(), dt="6 d", duration="6 d", samples=2, progress=False)
