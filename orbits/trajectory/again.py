@@ -231,12 +231,12 @@ class MarchedAgain:
     def _before(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run._before").before(run, times)
+        return self._marches_again("run.ephemeris").before(run, times)
 
     def _begun(self) -> March:
         """Return a march of the run from its initial state, with its method and its step."""
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run._begun").begun(run)
+        return self._marches_again("run.to_spk").begun(run)
 
     def to_spk(self, path: str | PathLike[str], **options: Any) -> SpkFile:
         """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""
