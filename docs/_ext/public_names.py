@@ -96,6 +96,11 @@ def documented() -> tuple[Entry, ...]:
     return tuple(sorted(found.values(), key=lambda entry: (entry.page, entry.module != "orbits", entry.module)))
 
 
+def public_name(value: Any) -> str:
+    """Return the name by which a documented object is imported."""
+    return next(entry.full_name for entry in documented() if entry.value is value)
+
+
 def packages() -> Iterator[ModuleType]:
     """Yield the modules right below `orbits`, and all packages below them."""
     for found in pkgutil.walk_packages(orbits.__path__, "orbits."):
@@ -112,7 +117,7 @@ def imported_by_pages() -> Iterator[tuple[str, str]]:
 
 def pages_written() -> list[Path]:
     """Return the Markdown pages that people write, in alphabetic order."""
-    return sorted(page for page in DOCS.rglob("*.md") if "_generated" not in page.parts)
+    return sorted(page for page in DOCS.rglob("*.md") if not {"_generated", "api"} & set(page.parts))
 
 
 def attribute_doc(entry: Entry) -> str:

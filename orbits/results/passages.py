@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from orbits.system.model import given_bodies
 
 if TYPE_CHECKING:
     from orbits.marching.clocks.constant import Clock
+    from orbits.marching.legs.record import Record
     from orbits.system import System
 
 Array = NDArray[np.float64]
@@ -25,21 +26,6 @@ UNBOUND = 2.0 * (1.0 + 1e-6)
 
 SAME = 1.5
 """The number of steps by which two records of one passage may differ."""
-
-
-class Record(NamedTuple):
-    """The record of a marcher: `closest` (4, 2, rows), or None if closest approaches were not looked for, and `listed`
-    (n, columns), see `orbits.kernels.search.record`; the number of passages left out; the row, in the kernels' order,
-    of the body that dominates the system, or -1; the distance from each massive body within which flybys are listed;
-    and the reading of the clock.
-    """
-
-    closest: Array | None
-    listed: Array
-    left_out: int
-    dominant: int
-    reaches: Array
-    end: float
 
 
 @dataclass(frozen=True, eq=False)

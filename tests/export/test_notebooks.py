@@ -13,9 +13,10 @@ import orbits
 from orbits.certificate.certificate import Certificate, Finding
 from orbits.kernels.search.record import COLUMNS, DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.legs.record import Record
 from orbits.regression.report import Report, Row
 from orbits.results.approaches import Approaches
-from orbits.results.passages import Record, Seen
+from orbits.results.passages import Seen
 from orbits.scenarios import StudyResult, Table
 
 NASTY = "<script>alert('&\"')</script>"

@@ -9,13 +9,14 @@ from astropy import units as u
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.events import CloserThan
+from orbits.errors import InputError, StepWarning
+from orbits.events import CloseApproach, CloserThan
 from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
-from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.legs.planet_excursions import PlanetExcursions
 from orbits.methods import SABA
-from orbits.terms import ZonalHarmonics
+from orbits.terms import PostNewtonian, ZonalHarmonics
 
 from ..maps import newtonian_energy, solar_system
 
@@ -149,20 +150,20 @@ def test_planets_that_have_exchanged_places_are_numbered_anew():
     """Two Neptunes: the order of their orbits at the start is not that after their encounters."""
     start = planets(5.15e-5, (5.0, 5.3), 0.08, seed=3)
     gm, q, v, _ = start.values
-    march = LeavingMarcher(newtonian, FOLLOW, parameters(gm), gm > 0.0, q, v, 100.0, retire=True)
+    march = PlanetExcursions(newtonian, FOLLOW, parameters(gm), gm > 0.0, q, v, 100.0, retire=True)
     first, exchanged = outwards(gm, *march.state()), 0
     for k in range(1, 400):
         march.advance_to(Place(20 * k, 0.0))
         rows, _ = march.excursions()
         if not march.is_away and len(rows) and march.step == rows[-1, 1]:
-            order = [0, *(int(x) for x in march._state["memory"][14, : len(gm) - 1])]
+            order = [0, *(int(x) for x in march.stepper.state["memory"][14, : len(gm) - 1])]
             assert order == outwards(gm, *march.state())
             exchanged += order != first
     assert exchanged
 
 
 def test_closest_approaches_and_events_within_encounters_are_those_of_chosen_steps():
-    options = {"duration": 80 * u.yr, "samples": 3, "progress": False, "events": orbits.events.CloseApproach("c", "d")}
+    options = {"duration": 80 * u.yr, "samples": 3, "progress": False, "events": CloseApproach("c", "d")}
     followed = orbits.propagate(planets(), FOLLOW, dt="100 d", approaches=True, **options)
     exact = orbits.propagate(planets(), **options)
     assert len(followed.events) == len(exact.events) > 0
@@ -289,12 +290,12 @@ def test_particles_that_hit_a_planet_on_an_excursion_are_retired_there(tmp_path)
 
 
 def test_a_dt_too_long_is_warned_of_and_refused_though_planets_are_followed():
-    with pytest.raises(orbits.errors.InputError, match=r"All bodies would be away from the map for good\. dt <= "):
+    with pytest.raises(InputError, match=r"All bodies would be away from the map for good\. dt <= "):
         orbits.propagate(planets(), FOLLOW, dt="1500 d", duration="100 yr", check_step="refuse", progress=False)
 
 
 def test_relativity_by_the_star_acts_in_encounters_too():
-    start = planets().with_terms(orbits.terms.PostNewtonian(sources=["star"]))
+    start = planets().with_terms(PostNewtonian(sources=["star"]))
     run = orbits.propagate(start, FOLLOW, **{**OPTIONS, "duration": 200 * u.yr})
     assert len(run.excursions)
     assert run.drift().energy.max_fraction < 1e-8  # 7e-10
@@ -329,11 +330,11 @@ def test_impacts_are_at_the_surface_whatever_the_samples(mass, sizes, radius, co
 
 def test_what_does_not_fit_is_refused():
     start, options = planets(), {"dt": "100 d", "duration": "10 yr"}
-    with pytest.raises(orbits.errors.InputError, match="leave it out"):
+    with pytest.raises(InputError, match="leave it out"):
         orbits.propagate(start, FOLLOW, dense=True, **options)
-    with pytest.raises(orbits.errors.InputError, match="planets='warn'"):
+    with pytest.raises(InputError, match="planets='warn'"):
         orbits.megno(start, FOLLOW, **options)
-    with pytest.raises(orbits.errors.InputError, match="'warn', 'follow' or 'refuse'"):
+    with pytest.raises(InputError, match="'warn', 'follow' or 'refuse'"):
         orbits.WisdomHolman(planets="ignore")
-    with pytest.warns(orbits.errors.StepWarning, match='planets="follow"'):
+    with pytest.warns(StepWarning, match='planets="follow"'):
         orbits.propagate(start, WARN, dt="100 d", duration="1 yr", progress=False)

@@ -14,7 +14,7 @@ from orbits.errors import IntegrationError, RetiredWarning
 from orbits.events import CloserThan
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.propagation.marchers import bound
 from orbits.regression import peers
 from orbits.terms import ZonalHarmonics
@@ -226,7 +226,7 @@ def test_a_run_resumed_after_a_retirement_has_its_bits(tmp_path):
 
 def test_a_march_that_does_not_retire_particles_raises():
     gm, q, v, _ = falling().values
-    march = Marcher(newtonian, orbits.Gauss(8), parameters(gm[:2]), gm > 0, q, v, orbits.Adaptive())
+    march = Leg.of(newtonian, orbits.Gauss(8), parameters(gm[:2]), gm > 0, q, v, orbits.Adaptive())
     with pytest.raises(IntegrationError):
         march.advance_to(Place(0, 6.0))
 
