@@ -146,7 +146,7 @@ def test_a_method_that_is_rebounds_is_answered_alike_wherever_it_is_asked_for() 
 def test_what_is_said_to_be_here_is_here() -> None:
     known = set(inspect.signature(orbits.propagate).parameters)
     for hint in elsewhere.KEYWORDS.values():
-        assert set(re.findall(r"(?<!\w)(\w+)=", hint)) <= {*known, "softening", "epoch", "units", "stages"}
+        assert set(re.findall(r"(?<!\w)(\w+)=", hint)) <= {*known, "softening", "epoch", "units", "stages", "tolerance"}
     for hint in (*elsewhere.KEYWORDS.values(), *elsewhere.PUBLIC_NAMES.values()):
         for name in re.findall(r"orbits\.(\w+)", hint):
             assert hasattr(orbits, name), hint
