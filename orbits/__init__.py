@@ -14,86 +14,37 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import pkgutil
 from typing import TYPE_CHECKING, Any
 
 from orbits._version import __version__
 
 if TYPE_CHECKING:
+    from orbits import errors as errors
+    from orbits import events as events
+    from orbits import methods as methods
+    from orbits import rebound as rebound
+    from orbits import scenarios as scenarios
+    from orbits import terms as terms
     from orbits.archive import Archive
     from orbits.certificate import Certificate, certify
     from orbits.elements.kepler_flow import kepler_flow
     from orbits.ephemeris import asteroids, read_mpcorb, read_sbdb
-    from orbits.errors import (
-        ArchiveError,
-        ConvergenceError,
-        EpochError,
-        EventError,
-        EventWarning,
-        InputError,
-        IntegrationError,
-        Interrupted,
-        MissingPackageError,
-        OrbitsError,
-        OrbitsWarning,
-        OutOfRangeError,
-        OutOfTime,
-        RetiredWarning,
-        SingularityError,
-        StepWarning,
-        StorageError,
-        SystemsError,
-        UnknownNameError,
-    )
-    from orbits.forces.damping import Damping
-    from orbits.forces.drag import Drag
-    from orbits.forces.gas_drag import GasDrag
-    from orbits.forces.mass_loss import MassLoss
-    from orbits.forces.non_gravitational import NonGravitational
-    from orbits.forces.radiation_pressure import RadiationPressure
-    from orbits.forces.tides import Tides
-    from orbits.integrators.composition import Composition
-    from orbits.integrators.explicit_euler import ExplicitEuler
     from orbits.integrators.gauss import Gauss
-    from orbits.integrators.implicit_midpoint import ImplicitMidpoint
-    from orbits.integrators.lie_group_variational import LieGroupVariational
-    from orbits.integrators.lobatto import LobattoIIIAB, LobattoIIIBA
-    from orbits.integrators.rattle import Rattle
-    from orbits.integrators.runge_kutta_4 import RungeKutta4
-    from orbits.integrators.saba import SABA
     from orbits.integrators.stormer_verlet import StormerVerlet
-    from orbits.integrators.symplectic_euler import SymplecticEuler
-    from orbits.integrators.vprk import VPRK
     from orbits.integrators.wisdom_holman import WisdomHolman
     from orbits.kernels.compile import kernel
     from orbits.lagrangians.base import Lagrangian, Motion
     from orbits.lagrangians.symmetry import Symmetry
-    from orbits.lagrangians.terms.degree_two import DegreeTwo
-    from orbits.lagrangians.terms.frame_dragging import FrameDragging
-    from orbits.lagrangians.terms.minor_bodies import MinorBodies
-    from orbits.lagrangians.terms.nobili_roxburgh import NobiliRoxburgh
-    from orbits.lagrangians.terms.post_newtonian import PostNewtonian
-    from orbits.lagrangians.terms.zonal_harmonics import ZonalHarmonics
     from orbits.marching.clocks.adaptive import Adaptive
     from orbits.marching.clocks.transformed import TimeTransformed
     from orbits.marching.flow import DiscretePath, Flow, march
     from orbits.propagation import Trajectory, propagate, resume
-    from orbits.propagation.collisions.merge_and_bounce import Bounce, Merge
     from orbits.propagation.control.heartbeat import Heartbeat
-    from orbits.propagation.control.stop_conditions import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
-    from orbits.propagation.events.base import Action, Happening
-    from orbits.propagation.events.kinds.collision import Collision
-    from orbits.propagation.events.kinds.from_observer import Conjunction, Occultation, Opposition, Transit
-    from orbits.propagation.events.kinds.of_pairs import Apocentre, CloseApproach, Pericentre
-    from orbits.propagation.events.kinds.orbital import Ejection, ElementCrossing
-    from orbits.propagation.events.kinds.own import Event
-    from orbits.propagation.events.kinds.planes import NodeCrossing, PlaneCrossing
     from orbits.propagation.results.shadow_energy import shadow_energy
     from orbits.propagation.resuming.verification import Verification, verify
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
-    from orbits.regression import compare, from_rebound, residuals, run_from_rebound, to_rebound
-    from orbits.scenario import Check, Option, Scenario, Study, StudyResult, Table
+    from orbits.regression import compare, residuals
     from orbits.system import System
     from orbits.system.rigid_body import RigidBody
     from orbits.system.solar.description import solar_model
@@ -102,100 +53,29 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DIMENSIONLESS",
-    "SABA",
     "SOLAR",
-    "VPRK",
-    "Action",
     "Adaptive",
-    "Apocentre",
     "Archive",
-    "ArchiveError",
-    "Bounce",
     "Certificate",
-    "Check",
-    "CloseApproach",
-    "CloserThan",
-    "Collision",
-    "Composition",
-    "Conjunction",
-    "ConvergenceError",
-    "Damping",
-    "DegreeTwo",
     "DiscretePath",
-    "Drag",
-    "Ejection",
-    "ElementCrossing",
-    "EnergyErrorAbove",
-    "EpochError",
-    "Event",
-    "EventError",
-    "EventWarning",
-    "ExplicitEuler",
-    "FartherThan",
     "Flow",
-    "FrameDragging",
-    "GasDrag",
     "Gauss",
-    "Happening",
     "Heartbeat",
-    "ImplicitMidpoint",
-    "InputError",
-    "IntegrationError",
-    "Interrupted",
     "Lagrangian",
-    "LieGroupVariational",
-    "LobattoIIIAB",
-    "LobattoIIIBA",
-    "MassLoss",
-    "Merge",
-    "MinorBodies",
-    "MissingPackageError",
     "Motion",
-    "NobiliRoxburgh",
-    "NodeCrossing",
-    "NonGravitational",
-    "Occultation",
-    "Opposition",
-    "Option",
-    "OrbitsError",
-    "OrbitsWarning",
-    "OutOfRangeError",
-    "OutOfTime",
-    "Pericentre",
-    "PlaneCrossing",
-    "PostNewtonian",
-    "RadiationPressure",
-    "Rattle",
-    "RetiredWarning",
     "RigidBody",
-    "RungeKutta4",
-    "Scenario",
-    "SingularityError",
-    "StepWarning",
-    "StorageError",
     "StormerVerlet",
-    "Study",
-    "StudyResult",
     "Symmetry",
-    "SymplecticEuler",
     "System",
-    "SystemsError",
-    "Table",
-    "Tides",
     "TimeTransformed",
     "Trajectory",
-    "Transit",
     "UnitSystem",
-    "UnknownNameError",
     "Verification",
-    "WallTimeOver",
     "WisdomHolman",
-    "ZonalHarmonics",
     "__version__",
     "asteroids",
     "certify",
     "compare",
-    "from_rebound",
     "kepler_flow",
     "kernel",
     "march",
@@ -205,11 +85,9 @@ __all__ = [
     "read_sbdb",
     "residuals",
     "resume",
-    "run_from_rebound",
     "shadow_energy",
     "solar_model",
     "state_transition",
-    "to_rebound",
     "verify",
     "view",
 ]
@@ -219,76 +97,22 @@ _HOME = {
     "certificate": ["Certificate", "certify"],
     "elements.kepler_flow": ["kepler_flow"],
     "ephemeris": ["asteroids", "read_mpcorb", "read_sbdb"],
-    "errors": [
-        "ArchiveError",
-        "ConvergenceError",
-        "EpochError",
-        "EventError",
-        "EventWarning",
-        "InputError",
-        "IntegrationError",
-        "Interrupted",
-        "MissingPackageError",
-        "OrbitsError",
-        "OrbitsWarning",
-        "OutOfRangeError",
-        "OutOfTime",
-        "RetiredWarning",
-        "SingularityError",
-        "StepWarning",
-        "StorageError",
-        "SystemsError",
-        "UnknownNameError",
-    ],
-    "forces.damping": ["Damping"],
-    "forces.drag": ["Drag"],
-    "forces.gas_drag": ["GasDrag"],
-    "forces.mass_loss": ["MassLoss"],
-    "forces.non_gravitational": ["NonGravitational"],
-    "forces.radiation_pressure": ["RadiationPressure"],
-    "forces.tides": ["Tides"],
-    "integrators.composition": ["Composition"],
-    "integrators.explicit_euler": ["ExplicitEuler"],
-    "marching.clocks.adaptive": ["Adaptive"],
-    "marching.flow": ["DiscretePath", "Flow", "march"],
-    "marching.clocks.transformed": ["TimeTransformed"],
     "integrators.gauss": ["Gauss"],
-    "integrators.implicit_midpoint": ["ImplicitMidpoint"],
-    "integrators.lie_group_variational": ["LieGroupVariational"],
-    "integrators.lobatto": ["LobattoIIIAB", "LobattoIIIBA"],
-    "integrators.rattle": ["Rattle"],
-    "integrators.runge_kutta_4": ["RungeKutta4"],
-    "integrators.saba": ["SABA"],
     "integrators.stormer_verlet": ["StormerVerlet"],
-    "integrators.symplectic_euler": ["SymplecticEuler"],
-    "integrators.vprk": ["VPRK"],
     "integrators.wisdom_holman": ["WisdomHolman"],
     "kernels.compile": ["kernel"],
     "lagrangians.base": ["Lagrangian", "Motion"],
     "lagrangians.symmetry": ["Symmetry"],
-    "lagrangians.terms.degree_two": ["DegreeTwo"],
-    "lagrangians.terms.frame_dragging": ["FrameDragging"],
-    "lagrangians.terms.minor_bodies": ["MinorBodies"],
-    "lagrangians.terms.nobili_roxburgh": ["NobiliRoxburgh"],
-    "lagrangians.terms.post_newtonian": ["PostNewtonian"],
-    "lagrangians.terms.zonal_harmonics": ["ZonalHarmonics"],
+    "marching.clocks.adaptive": ["Adaptive"],
+    "marching.clocks.transformed": ["TimeTransformed"],
+    "marching.flow": ["DiscretePath", "Flow", "march"],
     "propagation": ["Trajectory", "propagate", "resume"],
-    "propagation.collisions.merge_and_bounce": ["Bounce", "Merge"],
-    "propagation.events.kinds.collision": ["Collision"],
-    "propagation.events.base": ["Action", "Happening"],
-    "propagation.events.kinds.of_pairs": ["Apocentre", "CloseApproach", "Pericentre"],
-    "propagation.events.kinds.orbital": ["Ejection", "ElementCrossing"],
-    "propagation.events.kinds.own": ["Event"],
-    "propagation.events.kinds.planes": ["NodeCrossing", "PlaneCrossing"],
-    "propagation.events.kinds.from_observer": ["Conjunction", "Occultation", "Opposition", "Transit"],
-    "regression": ["compare", "from_rebound", "residuals", "run_from_rebound", "to_rebound"],
     "propagation.control.heartbeat": ["Heartbeat"],
     "propagation.results.shadow_energy": ["shadow_energy"],
-    "propagation.control.stop_conditions": ["CloserThan", "EnergyErrorAbove", "FartherThan", "WallTimeOver"],
+    "propagation.resuming.verification": ["Verification", "verify"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
-    "propagation.resuming.verification": ["Verification", "verify"],
-    "scenario": ["Check", "Option", "Scenario", "Study", "StudyResult", "Table"],
+    "regression": ["compare", "residuals"],
     "system": ["System"],
     "system.rigid_body": ["RigidBody"],
     "system.solar.description": ["solar_model"],
@@ -296,6 +120,23 @@ _HOME = {
     "viewing.view": ["view"],
 }
 _MODULE_OF = {name: module for module, names in _HOME.items() for name in names}
+
+
+_SPACES = ("errors", "events", "methods", "rebound", "scenarios", "terms")
+"""The namespaces of public names."""
+
+_PARTS = (
+    "diagnostics",
+    "discrete",
+    "elements",
+    "ensemble",
+    "ephemeris",
+    "lagrangians",
+    "plotting",
+    "rotations",
+    "spin_orbit",
+)
+"""The public submodules besides them."""
 
 
 def __getattr__(name: str) -> Any:
@@ -309,10 +150,10 @@ def __getattr__(name: str) -> Any:
     from orbits.elsewhere import public_name_hint
 
     hint = "." if name.startswith("_") else public_name_hint(name, __all__)
-    raise AttributeError(f"module 'orbits' has no attribute {name!r}{hint} Its public names are {', '.join(__all__)}")
+    names = ", ".join([*__all__, *_SPACES])
+    raise AttributeError(f"module 'orbits' has no attribute {name!r}{hint} Its public names are {names}")
 
 
 def __dir__() -> list[str]:
-    """Return the public names, the submodules and the module attributes, without the imports of this file."""
-    submodules = {found.name for found in pkgutil.iter_modules(__path__) if not found.name.startswith("_")}
-    return sorted({*__all__, *submodules, *(name for name in globals() if name.startswith("__"))})
+    """Return the public names, namespaces and submodules, and the module attributes, without what is internal."""
+    return sorted({*__all__, *_SPACES, *_PARTS, *(name for name in globals() if name.startswith("__"))})

@@ -105,7 +105,7 @@ def orbited(names: Sequence[str], gm: NDArray[np.float64], body: str, about: str
     if len(gm) == 1:
         raise InputError(
             f"{names[i]!r} is alone, and has no orbit, from which obliquity and libration could be counted; "
-            "run.euler_angles(body) are those in the axes of the system."
+            "run.rotation.euler_angles(body) are those in the axes of the system."
         )
     if about is None:
         return i, int(np.argmax(np.where(np.arange(len(gm)) == i, -1.0, gm)))

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from typing import TypedDict
 
 from orbits.errors import UnknownNameError
+from orbits.former_names import NOW, moved
 
 OTHER_NAMES = {
     "rk4": "runge-kutta-4",
@@ -27,7 +28,7 @@ OTHERS_OF_REBOUND = ("janus", "eos", "bs", "sei")
 
 PUBLIC_NAMES = {
     "simulation": "orbits.System(...), which orbits.propagate integrates",
-    "simulationarchive": "orbits.Trajectory.open(path), or orbits.run_from_rebound(path) for REBOUND's files",
+    "simulationarchive": "orbits.Trajectory.open(path), or orbits.rebound.run_from_rebound(path) for REBOUND's files",
     "particle": "orbits.System(...) and its add(name, ...)",
     "orbit": "system.elements(primary=...)",
     "integrate": "orbits.propagate(system, method, dt=..., duration=...)",
@@ -39,7 +40,7 @@ PUBLIC_NAMES = {
 """Counterparts of names from other packages, in lower case."""
 
 FORCES = (
-    "forces other than Newtonian gravity belong to the system: system.with_terms(orbits.ZonalHarmonics(...)); "
+    "forces other than Newtonian gravity belong to the system: system.with_terms(orbits.terms.ZonalHarmonics(...)); "
     "a Lagrangian of your own is integrated by orbits.march (docs/lagrangians.md)"
 )
 END = "the end of a run is duration=..., or until=..., a date or a time since the epoch"
@@ -57,8 +58,8 @@ KEYWORDS = {
     **dict.fromkeys(("step", "timestep", "stepsize", "h"), STEPS),
     **dict.fromkeys(("rtol", "atol", "tol", "tolerance", "epsilon", "min_dt"), TOLERANCE),
     **dict.fromkeys(("times", "t_eval", "saveat", "noutputs", "nout", "exact_finish_time"), SAMPLES),
-    **dict.fromkeys(("collision", "exit_min_distance"), "stop=orbits.CloserThan(distance) ends a run"),
-    "exit_max_distance": "stop=orbits.FartherThan(distance) ends a run",
+    **dict.fromkeys(("collision", "exit_min_distance"), "stop=orbits.events.CloserThan(distance) ends a run"),
+    "exit_max_distance": "stop=orbits.events.FartherThan(distance) ends a run",
     "events": "stop=... takes conditions that end a run, and run.closest_approaches() lists the close approaches",
     **dict.fromkeys(("method", "solver"), 'the method is the second argument: orbits.Gauss(stages=8), or "gauss"'),
     "softening": "it belongs to the system: system.replaced(softening=...)",
@@ -90,11 +91,13 @@ def public_name_hint(name: str, public: Iterable[str]) -> str:
 
     public : the names that it has
     """
+    if now := moved("orbits", name):
+        return now
     if here := _found(name, PUBLIC_NAMES):
         return f": here that is {here}."
     if _found(name, PEERS) or _plain(name) in OTHERS_OF_REBOUND:
         return method_hint(name, ())
-    folded = {_plain(each): each for each in public}
+    folded = {_plain(each): each for each in public} | {_plain(old): now for old, now in NOW["orbits"].items()}
     if kin := _found(name, OTHER_NAMES):
         return f"; did you mean {' or '.join(folded[_plain(each)] for each in kin.split(' or '))}?"
     close = get_close_matches(_plain(name), folded, n=1, cutoff=0.7)

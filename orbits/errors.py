@@ -9,6 +9,33 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+__all__ = [
+    "ArchiveError",
+    "ConvergenceError",
+    "EpochError",
+    "EventError",
+    "EventWarning",
+    "InputError",
+    "IntegrationError",
+    "Interrupted",
+    "MissingPackageError",
+    "OrbitsError",
+    "OrbitsWarning",
+    "OutOfRangeError",
+    "OutOfTime",
+    "RetiredWarning",
+    "SingularityError",
+    "StepWarning",
+    "StorageError",
+    "SystemsError",
+    "UnknownNameError",
+]
+
+
+def __dir__() -> list[str]:
+    """Return the public names: all exceptions and warnings, none of the helpers that word them."""
+    return __all__
+
 
 class OrbitsError(Exception):
     """Base of all errors raised by this package, except `Interrupted`."""

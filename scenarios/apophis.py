@@ -42,7 +42,7 @@ def systems():
     start = next(each for each in data["encounters"] if each["name"] == "Apophis")
     epoch = Time(start["epoch_jd_tdb"], format="jd", scale="tdb")
     q, v = start["q_au"] * u.au, start["v_au_per_d"] * u.au / u.day
-    light = orbits.NonGravitational.yarkovsky(A2 * u.au / u.day**2, A1=A1 * u.au / u.day**2, bodies=["Apophis"])
+    light = orbits.terms.NonGravitational.yarkovsky(A2 * u.au / u.day**2, A1=A1 * u.au / u.day**2, bodies=["Apophis"])
 
     def system(force=None, **options):
         made = orbits.System.in_ephemeris("de440", epoch=epoch, **options).add("Apophis", primary="Sun", q=q, v=v)
@@ -198,7 +198,7 @@ def colours(k):
     return (style.INK, style.VERMILION, style.BLUE, style.ORANGE, style.GREY)[k]
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="apophis",
     title="Apophis in 2029, term by term: relativity, figures, sunlight, asteroids",
     system=systems,

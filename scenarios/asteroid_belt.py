@@ -14,7 +14,7 @@ from orbits.scenario import angular_momentum_checks
 
 EPOCH = "2022-08-09"
 PLANETS = ("Sun", "Mercury", "Venus", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
-METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
+METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.methods.RungeKutta4(), orbits.methods.ExplicitEuler()]
 ROUND_OFF = 1e-14
 DT = 6 * u.day
 BELT, TROJANS = 1100, 150
@@ -35,7 +35,7 @@ def checks(outcome):
     yield from angular_momentum_checks(outcome.runs, bound=ROUND_OFF, controls=controls)
     a, e, _ = mean_elements(outcome.run)
     inside = np.isfinite(a) & (a > 1.5) & (a < 6.0) & (e < 1.0)
-    yield orbits.Check(
+    yield orbits.scenarios.Check(
         "every asteroid is still bound and between Mars and Saturn", inside.all(), f"{inside.sum()} of {len(a)}"
     )
 
@@ -175,7 +175,7 @@ def from_above(run):
     return figure
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="asteroid_belt",
     title="The asteroid belt, judged against REBOUND",
     system=system,

@@ -222,7 +222,7 @@ scenario = Study(
     experiment=experiment,
     certifies=[
         (
-            orbits.System.from_states(["star", "planet"], GM, *next(starts()), units=orbits.DIMENSIONLESS),
+            orbits.System(["star", "planet"], GM, *next(starts()), units=orbits.DIMENSIONLESS),
             orbits.Gauss(stages=8),
             DT,
         )

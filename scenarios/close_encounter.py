@@ -355,7 +355,7 @@ def errors(axis, each, encounter):
     axis.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="close_encounter",
     title="Close encounters: Apophis at the Earth in 2029, a comet through Jupiter's Hill sphere",
     system=systems,

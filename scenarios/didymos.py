@@ -42,7 +42,7 @@ RATIOS = (1.01, 1.0172, 1.03, 1.06, 1.1, 1.15, 1.2, 1.25, 1.3, 1.35)
 STEP = 0.25
 """Hours; a ninth of a turn of Didymos."""
 
-METHOD = orbits.Composition(orbits.StormerVerlet(), order=8)
+METHOD = orbits.methods.Composition(orbits.StormerVerlet(), order=8)
 """Kicks and exact rotations."""
 
 HOUR_MM = 3600.0 * 1e-6
@@ -106,7 +106,7 @@ def seen(run):
     """The time in hours, the distance, the direction of the moon, and its long axis off the line to Didymos."""
     x = np.asarray((run.q[:, 1] - run.q[:, 0]).value)
     direction = np.unwrap(np.arctan2(x[:, 1], x[:, 0]))
-    axis = run.attitude("Dimorphos", matrix=True)[:, :, 0]
+    axis = run.rotation.attitude("Dimorphos", matrix=True)[:, :, 0]
     along = np.unwrap(np.arctan2(axis[:, 1], axis[:, 0]))
     return np.asarray(run.t.value), np.linalg.norm(x, axis=1), direction, along - direction
 

@@ -25,7 +25,7 @@ SLACK = 0.03
 
 def methods():
     """(name, order, discrete Lagrangian) of each method."""
-    vprk = [orbits.LobattoIIIAB(stages=3), *(orbits.Gauss(stages=s) for s in (2, 3, 4))]
+    vprk = [orbits.methods.LobattoIIIAB(stages=3), *(orbits.Gauss(stages=s) for s in (2, 3, 4))]
     return [
         ("symplectic Euler", 1, discrete.symplectic_euler_b(kepler)),
         ("trapezoidal", 2, discrete.trapezoidal(kepler)),
@@ -97,7 +97,7 @@ scenario = Study(
     experiment=experiment,
     certifies=[
         (kepler, method, 0.1, tuple(Q), tuple(V))
-        for method in (orbits.StormerVerlet(), orbits.LobattoIIIAB(stages=3), orbits.Gauss(stages=3))
+        for method in (orbits.StormerVerlet(), orbits.methods.LobattoIIIAB(stages=3), orbits.Gauss(stages=3))
     ],
 )
 

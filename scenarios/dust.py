@@ -19,6 +19,8 @@ import numpy as np
 from astropy import units as u
 
 import orbits
+from orbits.scenarios import Check
+from orbits.terms import RadiationPressure
 
 BETAS, ECCENTRICITIES = (0.1, 0.2, 0.4), (0.0, 0.4, 0.8)
 GRAINS = tuple((beta, e) for e in ECCENTRICITIES for beta in BETAS)
@@ -82,7 +84,7 @@ def system():
         q = (a * (1.0 - e)) * np.array([np.cos(turn), np.sin(turn), 0.0])
         v = speed * np.array([-np.sin(turn), np.cos(turn), 0.0])
         sun = sun.add(name, gm=0.0 * u.au**3 / u.day**2, q=q, v=v)
-    light = orbits.RadiationPressure(beta=tuple(beta for beta, _ in GRAINS), bodies=NAMES)
+    light = RadiationPressure(beta=tuple(beta for beta, _ in GRAINS), bodies=NAMES)
     return sun.with_forces(light)
 
 
@@ -128,12 +130,12 @@ def checks(outcome):
     (_, a, e), (known_a, known_e) = measured(run), expected(run)
     off_a, off_e = np.abs(a / known_a - 1.0).max(axis=1), np.abs(e - known_e).max(axis=1)
     for name, (_, e0), da, de in zip(NAMES, GRAINS, off_a, off_e, strict=True):
-        yield orbits.Check(
+        yield Check(
             f"{name}: a and e are those of the secular formula",
             bool(da < BOUND_A and de < (BOUND_E if e0 else ROUND)),
             f"a to {da:.1e} of it, e to {de:.1e}",
         )
-    yield orbits.Check("all come closer to the Sun", bool((a[:, -1] < a[:, 0]).all()), f"to {a[:, -1].max():.3f} au")
+    yield Check("all come closer to the Sun", bool((a[:, -1] < a[:, 0]).all()), f"to {a[:, -1].max():.3f} au")
 
 
 def looks():
@@ -216,7 +218,7 @@ def shrinking(panel, run, years, a, e):
     panel.set_aspect("equal", adjustable="datalim")
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="dust",
     title="Dust spirals into the Sun by Poynting–Robertson drag",
     system=system,

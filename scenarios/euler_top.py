@@ -34,11 +34,11 @@ STARTS = 3
 
 def methods():
     """(method, steps in a revolution, the most revolutions, colour) of each curve of errors."""
-    lgvi = orbits.LieGroupVariational()
+    lgvi = orbits.methods.LieGroupVariational()
     return [
         (orbits.StormerVerlet(), 6, REVOLUTIONS, 0),
         (orbits.Gauss(stages=8), 6, REVOLUTIONS, 1),
-        (orbits.Composition(lgvi, order=8), 40, FEWER, 2),
+        (orbits.methods.Composition(lgvi, order=8), 40, FEWER, 2),
         (lgvi, 200, FEWER, 3),
     ]
 
@@ -47,9 +47,9 @@ def words(method):
     """The name of a method in this study."""
     from orbits import plotting
 
-    if isinstance(method, orbits.Composition):
+    if isinstance(method, orbits.methods.Composition):
         return f"LGVI, composed to order {method.order}"
-    known = {orbits.StormerVerlet: "exact rotation", orbits.LieGroupVariational: "LGVI, order 2"}
+    known = {orbits.StormerVerlet: "exact rotation", orbits.methods.LieGroupVariational: "LGVI, order 2"}
     return known.get(type(method)) or plotting.method_words(method.label)
 
 
@@ -117,7 +117,7 @@ def flight(say):
     truth = [free_top(INERTIA, start, INERTIA * RATES, mpmath.mpf(x)) for x in t[::400]]
     closed = max(apart(one, attitude) for one, (attitude, _) in zip(q[::400], truth, strict=True))
     rows = [["closed form", None, closed]]
-    chosen = (orbits.StormerVerlet(), 1.0), (orbits.Gauss(stages=8), 0.25), (orbits.LieGroupVariational(), 0.01)
+    chosen = (orbits.StormerVerlet(), 1.0), (orbits.Gauss(stages=8), 0.25), (orbits.methods.LieGroupVariational(), 0.01)
     for method, dt in chosen:
         say(f"{words(method)}: {END:g} units of time in steps of {dt:g}")
         steps = round(10 / dt)

@@ -21,9 +21,9 @@ STEPS = 400  # a period
 LAPS = 100
 PEER_LAPS = (1, 2, 5, 10, 20, 50, 100)
 METHODS = [
-    orbits.ExplicitEuler(),
-    orbits.RungeKutta4(),
-    orbits.SymplecticEuler(),
+    orbits.methods.ExplicitEuler(),
+    orbits.methods.RungeKutta4(),
+    orbits.methods.SymplecticEuler(),
     orbits.StormerVerlet(),
     *(orbits.Gauss(stages=s) for s in (1, 2, 4, 8)),
 ]
@@ -39,7 +39,7 @@ def figure_eight():
     row = next(row for row in rows if row["name"].startswith("figure-8"))
     p = np.array([float(row["p1"]), float(row["p2"]), 0.0])
     q = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-    bodies = orbits.System.from_states(
+    bodies = orbits.System(
         ["first", "second", "third"], np.ones(3), q, [p, p, -2 * p], units=orbits.DIMENSIONLESS
     )
     return bodies, float(row["T"])

@@ -39,7 +39,7 @@ ISLANDS = {"1:1": (1, 0.0), "1:2": (0.5, np.pi / 2), "2:1": (2, 0.0), "5:2": (2.
 
 TILT, FALL = np.radians(1e-7), 40
 PER_REVOLUTION = 192
-METHOD = orbits.Composition(orbits.StormerVerlet(), order=8)
+METHOD = orbits.methods.Composition(orbits.StormerVerlet(), order=8)
 """Kicks and exact rotations."""
 
 
@@ -66,7 +66,8 @@ def falls(islands):
         in_space(islands), METHOD, dt=revolution / PER_REVOLUTION, duration=FALL * revolution, samples=16 * FALL + 1,
         progress=False,
     )  # fmt: skip
-    return np.linspace(0, FALL, 16 * FALL + 1), {name: np.asarray(run.obliquity(name).value) for name in islands}
+    turning = run.rotation
+    return np.linspace(0, FALL, 16 * FALL + 1), {name: np.asarray(turning.obliquity(name).value) for name in islands}
 
 
 def growth(revolutions, tilt):

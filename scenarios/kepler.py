@@ -11,7 +11,7 @@ import orbits
 from orbits.scenario import angular_momentum_checks
 
 ECCENTRICITIES = (0.0, 0.3, 0.6, 0.9)
-METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
+METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.methods.RungeKutta4(), orbits.methods.ExplicitEuler()]
 PERIOD = 2 * np.pi
 DT = PERIOD / 400
 SHOWN = 0.6
@@ -157,7 +157,7 @@ def exact_ellipse(system):
     return np.column_stack([np.cos(angle) - e, np.sqrt(1 - e * e) * np.sin(angle)])
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="kepler",
     title="Kepler's problem: variational methods and non-symplectic controls against the exact orbit",
     system=systems,

@@ -20,6 +20,7 @@ import numpy as np
 from astropy import units as u
 
 import orbits
+from orbits.scenarios import Check, Option
 
 EPOCH = "2022-08-09"
 GIANTS = ("Sun", "Jupiter", "Saturn", "Uranus", "Neptune")
@@ -37,8 +38,8 @@ ENOUGH = 40
 BIN = 0.02
 
 OPTIONS = (
-    orbits.Option("planets", "giants", choices=("giants", "all"), help="the giants alone, or all in shorter steps"),
-    orbits.Option("count", 10_000, least=1, most=1_000_000, help="number of massless particles"),
+    Option("planets", "giants", choices=("giants", "all"), help="the giants alone, or all in shorter steps"),
+    Option("count", 10_000, least=1, most=1_000_000, help="number of massless particles"),
 )
 
 
@@ -90,10 +91,10 @@ def checks(outcome):
     """The resonances excite eccentricities, and nothing between them does; the planets are not disturbed."""
     run = outcome.run
     drift = run.drift().angular_momentum.max_fraction
-    yield orbits.Check("the planets keep their angular momentum", drift < 1e-12, f"{drift:.1e}")
+    yield Check("the planets keep their angular momentum", drift < 1e-12, f"{drift:.1e}")
     reasons = Counter(one.reason for one in run.retired)
     fate = "; ".join(f"{count:,}: {reason}" for reason, count in reasons.most_common()) or "all are still there"
-    yield orbits.Check("each particle is there at the end, or retired with a reason", _accounted(run), fate)
+    yield Check("each particle is there at the end, or retired with a reason", _accounted(run), fate)
     if abs(run.t[-1].to_value(u.yr)) < LONG_ENOUGH:
         return
     strips = excited(run)
@@ -101,7 +102,7 @@ def checks(outcome):
         return
     inner, outer, between = (float(strip.mean()) for strip in strips)
     for name, share in (("3:1", inner), ("5:2", outer)):
-        yield orbits.Check(
+        yield Check(
             f"many of the particles at {name} reach e = {EXCITED} or leave, and few elsewhere",
             share > 0.1 and share > 5 * between,
             f"{100 * share:.0f} %, and {100 * between:.1f} % between 3:1 and 5:2",
@@ -150,7 +151,7 @@ def draw(outcome):
     return figure
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="kirkwood_gaps",
     title="Kirkwood's gaps: resonances with Jupiter empty the belt",
     system=system,

@@ -23,11 +23,11 @@ ROUND_OFF = 5e-15
 """Of a sum over 400 points; the largest change reached is 7e-16. Points are enough for a loop wound up this far."""
 
 METHODS = {
-    "explicit Euler": (orbits.ExplicitEuler(), 0.1),
-    "RK4": (orbits.RungeKutta4(), 1.0),
-    "symplectic Euler": (orbits.SymplecticEuler(), 0.1),
+    "explicit Euler": (orbits.methods.ExplicitEuler(), 0.1),
+    "RK4": (orbits.methods.RungeKutta4(), 1.0),
+    "symplectic Euler": (orbits.methods.SymplecticEuler(), 0.1),
     "Störmer–Verlet": (orbits.StormerVerlet(), 0.5),
-    "Lobatto IIIA–IIIB, 3 stages": (orbits.LobattoIIIAB(stages=3), 1.0),
+    "Lobatto IIIA–IIIB, 3 stages": (orbits.methods.LobattoIIIAB(stages=3), 1.0),
     "Gauss, 2 stages": (orbits.Gauss(stages=2), 1.0),
 }
 

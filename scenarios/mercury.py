@@ -73,15 +73,15 @@ def formula():
 def experiment(say):
     """The turning of the perihelion by each cause, alone and together."""
     pole = (286.13, 63.87) * u.deg
-    flat = orbits.ZonalHarmonics("Sun", J2=constant("J2SUN"), radius=constant("ASUN") * u.km, pole=pole)
+    flat = orbits.terms.ZonalHarmonics("Sun", J2=constant("J2SUN"), radius=constant("ASUN") * u.km, pole=pole)
     alone = turning(bodies())
-    curves = {"relativity": turning(bodies().with_terms(orbits.PostNewtonian())), "the Sun's J2": None}
+    curves = {"relativity": turning(bodies().with_terms(orbits.terms.PostNewtonian())), "the Sun's J2": None}
     curves["the Sun's J2"] = turning(bodies().with_terms(flat))
     for planet in PLANETS:
         say(f"Mercury with {planet}")
         curves[planet] = turning(bodies(planet))
     say("Mercury with all planets, without and with relativity")
-    newton, whole = turning(bodies(*PLANETS)), turning(bodies(*PLANETS).with_terms(orbits.PostNewtonian(), flat))
+    newton, whole = turning(bodies(*PLANETS)), turning(bodies(*PLANETS).with_terms(orbits.terms.PostNewtonian(), flat))
     rates = {name: rate(curve) for name, curve in curves.items()}
     by_planets, total = rate(newton), rate(whole)
     rows = [[name, value] for name, value in sorted(rates.items(), key=lambda item: -item[1])]
@@ -159,7 +159,7 @@ scenario = Study(
     name="mercury",
     title="Mercury's perihelion: 43 arcseconds a century by relativity, beside 532 by the planets",
     experiment=experiment,
-    certifies=[(bodies("Venus").with_terms(orbits.PostNewtonian()), METHOD, 4.0)],
+    certifies=[(bodies("Venus").with_terms(orbits.terms.PostNewtonian()), METHOD, 4.0)],
 )
 
 if __name__ == "__main__":

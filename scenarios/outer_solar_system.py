@@ -20,9 +20,9 @@ from orbits.scenario import Check, Study, StudyResult, Table
 DAYS = 200_000
 EVERY = 200  # days between samples: all steps divide it
 METHODS = {
-    "explicit Euler": (orbits.ExplicitEuler(), 10),
-    "RK4": (orbits.RungeKutta4(), 200),
-    "symplectic Euler": (orbits.SymplecticEuler(), 100),
+    "explicit Euler": (orbits.methods.ExplicitEuler(), 10),
+    "RK4": (orbits.methods.RungeKutta4(), 200),
+    "symplectic Euler": (orbits.methods.SymplecticEuler(), 100),
     "Störmer–Verlet": (orbits.StormerVerlet(), 200),
     "Gauss, 8 stages": (orbits.Gauss(stages=8), 200),
 }
@@ -40,7 +40,7 @@ def system():
     data = book()
     G = data["G"]
     mass = [float(m) if "/" not in m else float(m.split("/")[0]) / float(m.split("/")[1]) for m in data["m"]]
-    return orbits.System.from_states(data["bodies"], G * np.array(mass), data["q"], data["v"], units=orbits.SOLAR)
+    return orbits.System(data["bodies"], G * np.array(mass), data["q"], data["v"], units=orbits.SOLAR)
 
 
 def march(bodies, method, dt):

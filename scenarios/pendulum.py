@@ -34,8 +34,8 @@ def panels():
     verlet = orbits.StormerVerlet()
     return [
         ("exact motion", orbits.Gauss(stages=8), 0.25, "exact"),
-        ("explicit Euler, h = 0.02", orbits.ExplicitEuler(), 0.02, "control"),
-        ("RK4, h = 0.9", orbits.RungeKutta4(), 0.9, "control"),
+        ("explicit Euler, h = 0.02", orbits.methods.ExplicitEuler(), 0.02, "control"),
+        ("RK4, h = 0.9", orbits.methods.RungeKutta4(), 0.9, "control"),
         ("Störmer–Verlet, h = 0.5", verlet, 0.5, "standard"),
         ("Störmer–Verlet, h = 0.9", verlet, 0.9, "standard"),
         ("Störmer–Verlet, h = 1.2", verlet, 1.2, "standard"),
@@ -277,8 +277,8 @@ scenario = Study(
     experiment=experiment,
     certifies=[
         (pendulum, orbits.StormerVerlet(), 0.1),
-        (pendulum, orbits.RungeKutta4(), 0.1),
-        (pendulum, orbits.ExplicitEuler(), 0.02),
+        (pendulum, orbits.methods.RungeKutta4(), 0.1),
+        (pendulum, orbits.methods.ExplicitEuler(), 0.02),
     ],
 )
 

@@ -13,6 +13,7 @@ import numpy as np
 from astropy import units as u
 
 import orbits
+from orbits.events import Collision, Merge
 from orbits.scenario import Check, Study, StudyResult, Table
 
 BODIES, SEED = 200, 1
@@ -49,7 +50,7 @@ def disc(bodies=BODIES, seed=SEED):
 def run_of(system, years=YEARS, samples=SAMPLES):
     """March the disc, with mergers, by steps chosen one by one."""
     return orbits.propagate(
-        system, duration=years * u.yr, samples=samples, events=orbits.Collision(then=orbits.Merge()), progress=False
+        system, duration=years * u.yr, samples=samples, events=Collision(then=Merge()), progress=False
     )
 
 

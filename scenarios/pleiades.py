@@ -22,7 +22,7 @@ from orbits.scenario import Check, Study, StudyResult, Table
 END = 3.0
 STEPS = (300, 600, 1200, 2400, 4800, 9600, 19200)
 METHODS = [
-    orbits.RungeKutta4(),
+    orbits.methods.RungeKutta4(),
     orbits.StormerVerlet(),
     *(orbits.Gauss(stages=s) for s in (2, 4, 8)),
 ]
@@ -43,7 +43,7 @@ def stars():
     flat = np.zeros(7)
     q, v = (np.column_stack([data[x], data[y], flat]) for x, y in (("x0", "y0"), ("vx0", "vy0")))
     names = [f"star {m}" for m in range(1, 8)]
-    system = orbits.System.from_states(names, np.arange(1.0, 8.0), q, v, units=orbits.DIMENSIONLESS)
+    system = orbits.System(names, np.arange(1.0, 8.0), q, v, units=orbits.DIMENSIONLESS)
     x, y, vx, vy = np.array(data["published"]).reshape(4, 7)
     return system, np.column_stack([x, y]), np.column_stack([vx, vy])
 

@@ -178,7 +178,7 @@ def errors(axis, report):
     axis.grid(axis="y", color=plotting.style.FAINT, lw=0.6)
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="pythagorean",
     title="Burrau's Pythagorean problem: three bodies fall from rest, and one is thrown out",
     system=system,

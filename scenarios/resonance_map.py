@@ -48,7 +48,7 @@ def system(axes, eccentricities):
 def followed(axes, eccentricities, dt):
     """MEGNO of asteroids at the end, which pericentres are not resolved on the way, and MEGNO of Sun and Jupiter."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", orbits.StepWarning)  # such pericentres, which are counted
+        warnings.simplefilter("ignore", orbits.errors.StepWarning)  # such pericentres, which are counted
         start = system(axes, eccentricities)
         m = orbits.megno(start, METHOD, dt=dt, duration=DURATION, samples=[DURATION], vectors=VECTORS, check_step=False)
     values = np.array([p.megno[-1] for p in m.particles])

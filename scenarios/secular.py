@@ -21,6 +21,8 @@ import numpy as np
 from astropy import units as u
 
 import orbits
+from orbits.scenarios import Check
+from orbits.terms import PostNewtonian
 
 EPOCH = "2000-01-01 12:00"
 BODIES = ("Sun", "Mercury", "Venus", "Earth-Moon barycenter", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune")
@@ -30,7 +32,7 @@ ARCSEC = np.pi / 180 / 3600
 BAND = (-60.0, 60.0)
 """Frequencies of terms [arcseconds per year]."""
 TERMS = 10
-TERMS_OF_THE_SUN = (orbits.PostNewtonian(sources=["Sun"]),)
+TERMS_OF_THE_SUN = (PostNewtonian(sources=["Sun"]),)
 """Relativity adds 0.43 arcseconds a year to the motion of Mercury's perihelion, and 0.38 to g1."""
 LONG_ENOUGH, LONGER, LONGEST = 2e6, 4.5e6, 9.5e6
 """Years from which on the frequencies of the giants, of the inner planets, and s2 as closely as these are demanded."""
@@ -127,18 +129,18 @@ def checks(outcome):
     """Momentum is kept, and the frequencies are those published."""
     run = outcome.run
     drift = run.drift()
-    yield orbits.Check(
+    yield Check(
         "the angular momentum is kept", drift.angular_momentum.max_fraction < 1e-12,
         f"{drift.angular_momentum.max_fraction:.1e}",
     )  # fmt: skip
-    yield orbits.Check("the energy is kept", drift.energy.max_fraction < 1e-9, f"{drift.energy.max_fraction:.1e}")
+    yield Check("the energy is kept", drift.energy.max_fraction < 1e-9, f"{drift.energy.max_fraction:.1e}")
     if abs(years(run)[-1]) < LONG_ENOUGH:
         return
     span = abs(years(run)[-1])
     for name, value in frequencies(run).items():
         if name not in GIANTS and span < LONGER:
             continue
-        yield orbits.Check(
+        yield Check(
             f'{name} is the published one to {bound(name, span):g}"/yr',
             abs(value - PUBLISHED[name]) < bound(name, span),
             f"{value:.4f}, published {PUBLISHED[name]:g}",
@@ -230,7 +232,7 @@ def table(panel, run):
             )  # fmt: skip
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="secular",
     title="Perihelia and nodes of the planets over five million years",
     system=system,

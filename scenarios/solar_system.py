@@ -22,7 +22,7 @@ from orbits.ephemeris import AU_KM
 from orbits.resources import data_path
 from orbits.scenario import Check, angular_momentum_checks
 
-METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.RungeKutta4(), orbits.ExplicitEuler()]
+METHODS = [orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.methods.RungeKutta4(), orbits.methods.ExplicitEuler()]
 ROUND_OFF = 1e-14
 DT = 6 * u.day
 POSITION_KM = 0.2
@@ -45,7 +45,7 @@ def against_quadruple_precision(run, dt):
     """The method and step of a run, on the problem whose solution is bundled with 34 digits, for at most as long."""
     data = json.loads(data_path("solar_system_10body.json").read_text(encoding="utf-8"))
     years = max(int(year) for year in data["reference_years"] if int(year) * YEAR <= run.times[-1])
-    start = orbits.System.from_states(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
+    start = orbits.System(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
     end = orbits.propagate(
         start, run.integrator, dt=dt, duration=years * YEAR, samples=2, check_step=False, progress=False
     )
@@ -135,7 +135,7 @@ def errors(figure, report, names):
     return panel.get_legend_handles_labels()
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="solar_system",
     title="Sun, planets and Pluto from DE440",
     system=orbits.System.solar_system,

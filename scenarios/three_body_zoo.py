@@ -35,7 +35,7 @@ def published():
     for row in sorted(rows, key=lambda row: not row["name"].startswith("figure-8")):
         p = np.array([float(row["p1"]), float(row["p2"]), 0.0])
         q = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]
-        bodies = orbits.System.from_states(
+        bodies = orbits.System(
             ["first", "second", "third"], np.ones(3), q, [p, p, -2 * p], units=orbits.DIMENSIONLESS
         )
         name = "figure eight" if row["name"].startswith("figure-8") else row["name"]

@@ -150,20 +150,20 @@ def checks(outcome):
     """Trojans stay about L4 and L5, with the centres and the periods of theory; the planets keep their momentum."""
     run = outcome.run
     drift = run.drift().angular_momentum.max_fraction
-    yield orbits.Check("the planets keep their angular momentum", drift < 1e-12, f"{drift:.1e}")
+    yield orbits.scenarios.Check("the planets keep their angular momentum", drift < 1e-12, f"{drift:.1e}")
     if abs(run.t[-1].to_value(u.yr)) < LONG_ENOUGH:
         return
     seen, (_, year, mu) = librations(run), jupiters(run)
     stay = ~seen.left
     counts = [int(np.sum(stay & side)) for side in (seen.leads, ~seen.leads)]
-    yield orbits.Check(
+    yield orbits.scenarios.Check(
         "the Trojans stay about L4 and L5",
         stay.mean() > 0.9 and min(counts) > 0,
         f"{counts[0]} about L4 and {counts[1]} about L5, {seen.left.sum()} gone",
     )
     if not stay.any():
         return
-    yield orbits.Check(
+    yield orbits.scenarios.Check(
         "they swing as tadpoles do, not nearer to Jupiter than 23.9° nor beyond 180°",
         np.nanmin(seen.least) > 23.9 and np.nanmax(seen.largest) < 180.0,
         f"{np.nanmin(seen.least):.1f}° to {np.nanmax(seen.largest):.1f}°",
@@ -175,7 +175,7 @@ def checks(outcome):
             continue
         off = np.median(seen.mean[chosen] - np.interp(seen.amplitude[chosen], amplitude, mean))
         centre = np.median(seen.mean[chosen])
-        yield orbits.Check(
+        yield orbits.scenarios.Check(
             f"small librations about {name} are centred where theory has them, at {60 * sign:+d}°",
             abs(off) < 1.0 and abs(centre - 60.0) < 2.0,
             f"{sign * centre:+.2f}°, {sign * (centre - off):+.2f}° in theory",
@@ -186,7 +186,7 @@ def checks(outcome):
     if not flat.any():
         return
     ratio = seen.period / (year * np.interp(seen.amplitude, amplitude, period))
-    yield orbits.Check(
+    yield orbits.scenarios.Check(
         "the periods of those with small inclinations are those of theory",
         abs(np.median(ratio[flat]) - 1.0) < 0.02 and np.ptp(ratio[flat]) < 0.2,
         f"{np.median(ratio[flat]):.4f} of them, {ratio[flat].min():.3f} to {ratio[flat].max():.3f}",
@@ -195,7 +195,7 @@ def checks(outcome):
     if not all(map(len, groups)):
         return
     groups = [np.median(group) for group in groups]
-    yield orbits.Check(
+    yield orbits.scenarios.Check(
         "wide librations take longer than small ones",
         1.02 * groups[0] < groups[1] < 1.2 * groups[0],
         f"{groups[1]:.1f} and {groups[0]:.1f} yr; all {seen.period[stay].min():.0f} to {seen.period[stay].max():.0f}",
@@ -329,7 +329,7 @@ def periods(panel, run, seen, swarms):
     panel.set(xlabel="amplitude of libration [°]", ylabel="period [yr]", xlim=(0, 40), ylim=(140, 195))
 
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="trojans",
     title="Jupiter's Trojans librate about L4 and L5",
     system=system,

@@ -75,7 +75,7 @@ def kepler():
 def solar_system():
     """Sun, planets and Pluto for a hundred years, held to the reference of the data file."""
     data = json.loads(data_path("solar_system_10body.json").read_text(encoding="utf-8"))
-    system = orbits.System.from_states(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
+    system = orbits.System(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
     truth = np.array([[float(x) for x in row[:3]] for row in data["reference_years"]["100"]])
 
     def error(q):
@@ -109,7 +109,7 @@ def methods():
                 seen.add(method.order)
                 yield method
     for order in (4, 6, 8, 10):
-        yield orbits.Composition(orbits.StormerVerlet(), order=order)
+        yield orbits.methods.Composition(orbits.StormerVerlet(), order=order)
 
 
 def sweep(problem, take):

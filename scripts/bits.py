@@ -135,7 +135,7 @@ def outcome(compute: Callable[[], Facts]) -> Facts:
     """Return the quantities of a case; of one that fails, the kind of the error, and the samples of the run before."""
     try:
         return compute()
-    except orbits.IntegrationError as error:
+    except orbits.errors.IntegrationError as error:
         found = {"raised": type(error).__name__}
         if isinstance(error.trajectory, orbits.Trajectory):
             found |= states(error.trajectory)

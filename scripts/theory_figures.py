@@ -38,8 +38,8 @@ def phase_portraits() -> Any:
     made = style.figure(16.0, 6.4)
     panels = made.subplots(1, 3, sharex=True, sharey=True)
     cases = (
-        (orbits.ExplicitEuler(), 0.1, 120, "explicit Euler, h = 0.1: areas grow"),
-        (orbits.RungeKutta4(), 1.0, 200, "Runge–Kutta 4, h = 1: areas shrink"),
+        (orbits.methods.ExplicitEuler(), 0.1, 120, "explicit Euler, h = 0.1: areas grow"),
+        (orbits.methods.RungeKutta4(), 1.0, 200, "Runge–Kutta 4, h = 1: areas shrink"),
         (orbits.StormerVerlet(), 1.0, 500, "Störmer–Verlet, h = 1: areas stay"),
     )
     angle, momentum = np.meshgrid(np.linspace(-4.0, 4.0, 400), np.linspace(-2.9, 2.9, 300))

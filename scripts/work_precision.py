@@ -22,6 +22,7 @@ from orbits.errors import IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
+from orbits.methods import Composition
 from orbits.resources import data_path
 
 TARGETS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
@@ -83,8 +84,8 @@ def methods() -> Iterator[Integrator]:
     """Störmer–Verlet, every scheme for it that takes fewer than 100 steps, and Gauss."""
     yield VERLET
     for order in (4, 6, 8, 10):
-        for name in orbits.Composition.schemes(VERLET, order):
-            method = orbits.Composition(VERLET, order=order, scheme=name)
+        for name in Composition.schemes(VERLET, order):
+            method = Composition(VERLET, order=order, scheme=name)
             if method.substeps < 100:
                 yield method
     for stages in (2, 4, 6, 8, 16):
@@ -93,7 +94,7 @@ def methods() -> Iterator[Integrator]:
 
 def study(problem: Problem, method: Integrator) -> list[tuple[float, float, float]]:
     """Return (error, evaluations and microseconds per orbit) for shorter and shorter steps, down to round-off."""
-    cost = method.substeps if isinstance(method, orbits.Composition) else 1
+    cost = method.substeps if isinstance(method, Composition) else 1
     found: list[tuple[float, float, float]] = []
     for k in range(60):
         per_orbit = round(max(3, 24 / cost) * 2 ** (k / 3))
@@ -127,13 +128,13 @@ def main() -> None:
     for problem in (kepler(), outer_solar_system()):
         found = {method: study(problem, method) for method in methods()}
         table(f"{problem.name}: evaluations of the forces per orbit", found, 1, "{:.0f}")
-        chosen = {m: rows for m, rows in found.items() if not isinstance(m, orbits.Composition) or is_default(m)}
+        chosen = {m: rows for m, rows in found.items() if not isinstance(m, Composition) or is_default(m)}
         table(f"{problem.name}: microseconds per orbit", chosen, 2, "{:.3g}")
 
 
-def is_default(method: orbits.Composition) -> bool:
+def is_default(method: Composition) -> bool:
     """Whether this is the scheme that is taken where none is asked for."""
-    return method == orbits.Composition(method.base, order=method.order)
+    return method == Composition(method.base, order=method.order)
 
 
 def table(title: str, found: dict[Integrator, list[tuple[float, float, float]]], column: int, form: str) -> None:
@@ -142,7 +143,7 @@ def table(title: str, found: dict[Integrator, list[tuple[float, float, float]]],
     print("| order | method | drifts a step | " + " | ".join(f"{t:.0e}" for t in TARGETS) + " |")
     print("| --- " * (3 + len(TARGETS)) + "|")
     for method, rows in found.items():
-        composed = isinstance(method, orbits.Composition)
+        composed = isinstance(method, Composition)
         work = [needed(rows, target, column) for target in TARGETS]
         cells = ["" if math.isnan(w) else form.format(w) for w in work]
         name, drifts = (method.scheme, method.substeps) if composed else (method.label, "")

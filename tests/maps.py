@@ -56,7 +56,7 @@ def system(orbits_of=EVERYWHERE):
     gm, q, v = among_planets(orbits_of)
     solar = orbits.System.solar_system().remove("Pluto")
     names = [*solar.names, *(f"p{k}" for k in range(len(orbits_of)))]
-    return orbits.System.from_states(names, gm, q, v, units=solar.units, epoch=solar.epoch)
+    return orbits.System(names, gm, q, v, units=solar.units, epoch=solar.epoch)
 
 
 def solar_system(count=9):

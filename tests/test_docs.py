@@ -15,7 +15,10 @@ from typer.testing import CliRunner
 import orbits
 from orbits import integrators
 from orbits.cli import app
+from orbits.errors import InputError
+from orbits.events import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
 from orbits.scenario import bundled
+from orbits.terms import Drag
 
 ROOT = Path(__file__).resolve().parent.parent
 WRITTEN = sorted(page for page in (ROOT / "docs").rglob("*.md") if "_generated" not in page.parts)
@@ -152,14 +155,14 @@ def test_the_guide_names_the_conditions_that_terms_and_forces_exclude():
     (paragraph,) = (text for text in after.split("\n\n") if text.startswith("Another method refuses"))
     pair = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     system = orbits.System(["a", "b"], [1.0, 0.1], *pair, units=orbits.DIMENSIONLESS)
-    system = system.with_forces(orbits.Drag(rate=1e-3))
+    system = system.with_forces(Drag(rate=1e-3))
     conditions = [
-        orbits.CloserThan(1e-3), orbits.FartherThan(1e3), orbits.EnergyErrorAbove(0.1), orbits.WallTimeOver(600)
+        CloserThan(1e-3), FartherThan(1e3), EnergyErrorAbove(0.1), WallTimeOver(600)
     ]  # fmt: skip
     for condition in conditions:
         try:
             orbits.propagate(system, "gauss", dt=0.1, duration=0.5, samples=2, stop=condition, progress=False)
             refused = False
-        except orbits.errors.InputError:
+        except InputError:
             refused = True
         assert (f"`{type(condition).__name__}`" in paragraph) == refused, condition

@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 import orbits
-from orbits import elsewhere, errors, integrators
+from orbits import elsewhere, errors, forces, former_names, integrators
 from orbits.integrators import registry
+from orbits.lagrangians import terms
 
 SOURCE = Path(orbits.__file__)
 HEAVY = (
@@ -49,15 +50,42 @@ def test_names_for_the_type_checker_and_at_run_time_are_the_same_and_come_from_t
     tree = ast.parse(SOURCE.read_text(encoding="utf-8"))
     (block,) = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
     seen = {alias.name: node.module for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert {name for name, module in seen.items() if module == "orbits"} == set(orbits._SPACES)
+    seen = {name: module for name, module in seen.items() if module != "orbits"}
     assert seen == {name: f"orbits.{module}" for name, module in orbits._MODULE_OF.items()}
     assert sorted(orbits.__all__) == sorted([*seen, "__version__"])
     assert set(orbits.__all__) <= set(dir(orbits))
 
 
-def test_every_registered_integrator_is_a_public_name() -> None:
+def test_there_are_few_names_at_the_top() -> None:
+    assert len([name for name in dir(orbits) if not name.startswith("__")]) <= 55  # as observations will add some
+
+
+@pytest.mark.parametrize("space", orbits._SPACES)
+def test_a_namespace_shows_its_names_alone_and_each_is_documented(space: str) -> None:
+    module = getattr(orbits, space)
+    assert module.__doc__
+    assert dir(module) == sorted(module.__all__)
+    for name in module.__all__:
+        assert inspect.getdoc(getattr(module, name)), name
+
+
+def test_what_moved_into_a_namespace_is_there_and_the_error_of_the_former_name_says_so() -> None:
+    assert set(former_names.SPACES) == set(orbits._SPACES)
+    for space, names in former_names.SPACES.items():
+        assert set(names) <= set(getattr(orbits, space).__all__)
+        for name in names:
+            with pytest.raises(AttributeError, match=rf"no attribute '{name}': it is orbits\.{space}\.{name} now\. "):
+                getattr(orbits, name)
+
+
+def test_every_registered_method_term_and_force_is_a_public_name() -> None:
     assert registry()
     for cls in registry().values():
-        assert getattr(orbits, cls.__name__, None) is cls
+        assert getattr(orbits.methods, cls.__name__, None) is cls
+    acting = {cls for found in (terms.registry(), forces.registry()) for cls in found.values()}
+    # Systems make the term of the bodies of an ephemeris themselves.
+    assert {cls.__name__ for cls in acting} - set(orbits.terms.__all__) == {"InEphemeris"}
 
 
 @pytest.mark.parametrize("cls", [c for c in registry().values() if "__post_init__" in vars(c)], ids=lambda c: c.name)
@@ -75,7 +103,7 @@ def test_every_error_of_the_package_is_a_public_name() -> None:
     classes = {name: value for name, value in vars(errors).items() if isinstance(value, type)}
     found = {name for name, value in classes.items() if issubclass(value, BaseException)}
     assert "Interrupted" in found
-    assert found <= set(orbits.__all__)
+    assert found == set(errors.__all__)
 
 
 def test_an_unknown_name_is_an_attribute_error_that_lists_what_there_is() -> None:
@@ -94,9 +122,10 @@ def test_an_unknown_name_is_an_attribute_error_that_lists_what_there_is() -> Non
         ("JANUS", "which is REBOUND's, and not available for comparison."),
         ("Simulation", ": here that is orbits.System(...), which orbits.propagate integrates."),
         ("gauss", "; did you mean Gauss?"),
-        ("RK4", "; did you mean RungeKutta4?"),
+        ("RK4", "; did you mean orbits.methods.RungeKutta4?"),
         ("Leapfrog", "; did you mean StormerVerlet?"),
-        ("euler", "; did you mean ExplicitEuler or SymplecticEuler?"),
+        ("euler", "; did you mean orbits.methods.ExplicitEuler or orbits.methods.SymplecticEuler?"),
+        ("innputerror", "; did you mean orbits.errors.InputError?"),
         ("quux", "'quux'. Its public names are"),
     ],
 )
@@ -109,7 +138,7 @@ def test_a_name_of_another_package_is_answered_with_what_there_is(name: str, ans
 def test_a_method_that_is_rebounds_is_answered_alike_wherever_it_is_asked_for() -> None:
     answer = r"which is REBOUND's: compare with it by against=\['whfast'\]"
     for ask in (integrators.parse, integrators.named):
-        with pytest.raises(orbits.UnknownNameError, match=answer):
+        with pytest.raises(orbits.errors.UnknownNameError, match=answer):
             ask("WHFast")
     assert set(elsewhere.PEERS.values()) <= set(orbits.regression.PEERS)
 
@@ -117,18 +146,21 @@ def test_a_method_that_is_rebounds_is_answered_alike_wherever_it_is_asked_for() 
 def test_what_is_said_to_be_here_is_here() -> None:
     known = set(inspect.signature(orbits.propagate).parameters)
     for hint in elsewhere.KEYWORDS.values():
-        assert set(re.findall(r"(?<!\w)(\w+)=", hint)) <= {*known, "softening", "epoch", "units", "stages"}
+        assert set(re.findall(r"(?<!\w)(\w+)=", hint)) <= {*known, "softening", "epoch", "units", "stages", "tolerance"}
     for hint in (*elsewhere.KEYWORDS.values(), *elsewhere.PUBLIC_NAMES.values()):
         for name in re.findall(r"orbits\.(\w+)", hint):
-            assert hasattr(orbits, name)
+            assert hasattr(orbits, name), hint
     for name in elsewhere.OTHER_NAMES.values():
         assert set(name.split(" or ")) <= set(registry())
 
 
-def test_dir_shows_public_names_and_submodules_and_not_what_the_module_imports_for_itself() -> None:
-    shown = in_a_fresh_process("import orbits; print(*dir(orbits))").split()
-    assert {"propagate", "Gauss", "diagnostics", "__version__", "__doc__"} <= set(shown)
-    assert not {"Any", "annotations", "importlib", "pkgutil", "TYPE_CHECKING", "_HOME", "_MODULE_OF"} & set(shown)
+def test_dir_shows_public_names_namespaces_and_submodules_and_nothing_internal() -> None:
+    code = "import orbits; orbits.System.solar_system(); print(*dir(orbits))"  # internal modules are loaded by then
+    shown = {name for name in in_a_fresh_process(code).split() if not name.startswith("__")}
+    assert shown == {*orbits.__all__, *orbits._SPACES, *orbits._PARTS} - {"__version__"}
+    assert {"propagate", "Gauss", "events", "diagnostics"} <= shown
+    for part in orbits._PARTS:
+        assert getattr(orbits, part).__doc__
 
 
 def test_an_unknown_name_loads_no_heavy_package() -> None:

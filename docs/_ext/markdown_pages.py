@@ -22,7 +22,7 @@ if __name__ == "__main__":
 
 from house_docstrings import blocks, code_block, parts
 from house_docstrings import items as items_of
-from public_names import DOCS, Entry, documented
+from public_names import DOCS, Entry, documented, public_name
 
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
@@ -73,7 +73,7 @@ def integrators() -> str:
         rows.append(f"| [`{cls.__name__}`](#{cls.name}) | {orders} | {kind} | {declares} | {cell(cls.source)} |")
         examples = ", ".join(f"`{method.label}`" for method in cls.examples())
         file = "orbits/" + inspect.getfile(cls).rpartition("/orbits/")[2]
-        sections += [f"## {cls.name}", "", f"`orbits.{cls.__name__}`: {cls.summary}. For example {examples}.", ""]
+        sections += [f"## {cls.name}", "", f"`{public_name(cls)}`: {cls.summary}. For example {examples}.", ""]
         sections += [*markdown(sys.modules[cls.__module__].__doc__ or ""), f"File: [{file}](../{file})", ""]
     return "\n".join([*rows, "", *sections])
 

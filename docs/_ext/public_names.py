@@ -1,8 +1,8 @@
 """The names that the API reference documents: those in `__all__`, and those that pages of the documentation import.
 
-A name of `orbits.__all__` belongs to the page of the module that it comes from; every other public package has a page
-for its own `__all__`. What a page of the documentation imports is documented too, and so is the base of a documented
-class.
+A name of `orbits.__all__` belongs to the page of the namespace that has it, too, such as `orbits.methods`, or else of
+the module that it comes from; every other public package has a page for its own `__all__`. What a page of the
+documentation imports is documented too, and so is the base of a documented class.
 """
 
 from __future__ import annotations
@@ -75,11 +75,13 @@ def documented() -> tuple[Entry, ...]:
         page = home if module == "orbits" else ".".join(module.split(".")[:2])
         found.setdefault(key, Entry(module, name, value, page))
 
+    spaces = {space: importlib.import_module(f"orbits.{space}").__all__ for space in orbits._SPACES}
     for name in orbits.__all__:
-        home = f"orbits.{orbits._MODULE_OF.get(name, '_version').split('.')[0]}"
+        space = next((space for space, names in spaces.items() if name in names), None)
+        home = f"orbits.{space or orbits._MODULE_OF.get(name, '_version').split('.')[0]}"
         if not name.startswith("_"):
             take("orbits", name, getattr(orbits, name))
-    for module in packages():
+    for module in sorted(packages(), key=lambda module: module.__name__.removeprefix("orbits.") not in spaces):
         for name in getattr(module, "__all__", ()):
             value = getattr(module, name)
             if not isinstance(value, ModuleType):
@@ -92,6 +94,11 @@ def documented() -> tuple[Entry, ...]:
             if base.__module__.startswith("orbits."):
                 take(base.__module__, base.__name__, base)
     return tuple(sorted(found.values(), key=lambda entry: (entry.page, entry.module != "orbits", entry.module)))
+
+
+def public_name(value: Any) -> str:
+    """Return the name by which a documented object is imported."""
+    return next(entry.full_name for entry in documented() if entry.value is value)
 
 
 def packages() -> Iterator[ModuleType]:

@@ -13,7 +13,7 @@ from docutils import nodes
 from generated_pages import picture
 from house_docstrings import to_rst
 from markdown_pages import PLACE, api_pages, cell, methods, properties
-from public_names import documented
+from public_names import documented, public_name
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -84,7 +84,7 @@ class IntegratorSections(RegistryDirective):
         rst = "\n".join(to_rst(sys.modules[cls.__module__].__doc__ or ""))
         examples = ", ".join(f"`{method.label}`" for method in cls.examples())
         return (
-            f"## {cls.name}\n\n{{py:class}}`orbits.{cls.__name__}`: {cls.summary}. For example {examples}.\n\n"
+            f"## {cls.name}\n\n{{py:class}}`{public_name(cls)}`: {cls.summary}. For example {examples}.\n\n"
             f"````{{eval-rst}}\n{rst}\n````\n\nFile: {listing(cls)}\n"
         )
 

@@ -160,7 +160,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
         epoch = Time(*days, format="jd", scale="tdb")
         epoch.format = "iso"
     try:
-        system = System.from_states(
+        system = System(
             _item(items, "system/names", list),
             _item(items, "system/gm", np.ndarray),
             _item(items, "system/q", np.ndarray),

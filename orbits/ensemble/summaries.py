@@ -31,7 +31,7 @@ def of_particles(run: Trajectory, first: int) -> Columns:
     count = len(system) - first
     out: Columns = {
         "state": np.full(count, SURVIVED, dtype=f"U{len(SURVIVED)}"),
-        "end": np.full(count, run.reached),
+        "end": np.full(count, run._reached),
         "reason": np.full(count, "" if run.stopped is None else run.stopped.reason),
     }
     lost = {one.name: one for one in run.retired}
@@ -56,7 +56,7 @@ def of_systems(runs: list[Trajectory | OrbitsError | None], reasons: dict[int, s
     for k, run in enumerate(runs):
         row: dict[str, Any] = {"state": SURVIVED, "end": np.nan, "reason": ""}
         if isinstance(run, Trajectory):
-            row["end"], row["reason"] = run.reached, "" if run.stopped is None else run.stopped.reason
+            row["end"], row["reason"] = run._reached, "" if run.stopped is None else run.stopped.reason
             row |= _extremes(run) | _energy(run) | _closest_pair(run)
         if k in reasons:
             row["state"], row["reason"] = FAILED, reasons[k]

@@ -49,7 +49,7 @@ class Damping(CentralForce):
     """The damping of orbits by a disk: semi-major axes decay within tau_a, eccentricities within tau_e, inclinations
     within tau_i.
 
-        system.with_forces(orbits.Damping(tau_a=1e5 * u.yr, tau_e=1e3 * u.yr, bodies=["b", "c"]))
+        system.with_forces(orbits.terms.Damping(tau_a=1e5 * u.yr, tau_e=1e3 * u.yr, bodies=["b", "c"]))
 
     bodies : names of the bodies that it acts on, massive or not; by default all but the source
     source : the star; by default the most massive body

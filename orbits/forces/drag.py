@@ -47,7 +47,7 @@ TAG = Tag("drag", {"force": force, "particle_force": particle_force})
 class Drag(Force):
     """Linear drag, -k m (v - u): velocities relative to a medium decay by the factor e in the time 1/k.
 
-        system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
+        system.with_forces(orbits.terms.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
 
     bodies : names of the bodies that it acts on, massive or not; by default all
     rate : k, >= 0, with the dimension 1/time

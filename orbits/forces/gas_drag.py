@@ -51,7 +51,7 @@ TAG = Tag("gas-drag", {"acceleration": acceleration, "numbers": 6, "coefficients
 class GasDrag(CentralForce):
     """The drag of a gas disk about a star, -k (r/r0)^-slope |v - u| (v - u), u the velocity of the gas.
 
-        system.with_forces(orbits.GasDrag(per_length=1e-3 / u.au, r0=1 * u.au, slope=2.75, eta=0.002))
+        system.with_forces(orbits.terms.GasDrag(per_length=1e-3 / u.au, r0=1 * u.au, slope=2.75, eta=0.002))
 
     bodies : names of the bodies that it acts on, massive or not; by default all but the source
     source : the star; by default the most massive body

@@ -42,7 +42,7 @@ TAG = Tag("mass-loss", {"acceleration": acceleration, "numbers": 2, "coefficient
 class MassLoss(CentralForce):
     """A body whose GM changes uniformly with time, as the Sun's does by light and wind.
 
-        system.with_forces(orbits.MassLoss(fraction=-9e-14 / u.yr))
+        system.with_forces(orbits.terms.MassLoss(fraction=-9e-14 / u.yr))
 
     bodies : names of those that feel it, massive or not; by default all others
     source : the body that loses mass; by default the most massive one

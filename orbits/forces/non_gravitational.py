@@ -65,8 +65,8 @@ class NonGravitational(CentralForce):
     """The acceleration of comets by outgassing, and of asteroids by the Yarkovsky effect, by Marsden's formula:
     g(r) (A1 radial + A2 transverse + A3 normal), g(r) = alpha (r/r0)^-m [1 + (r/r0)^n]^-k.
 
-        system.with_forces(orbits.NonGravitational(A1=1e-9 * u.au / u.day**2, bodies=["comet"]))
-        system.with_forces(orbits.NonGravitational.yarkovsky(-2.9e-14 * u.au / u.day**2, bodies=["Apophis"]))
+        system.with_forces(orbits.terms.NonGravitational(A1=1e-9 * u.au / u.day**2, bodies=["comet"]))
+        system.with_forces(orbits.terms.NonGravitational.yarkovsky(-2.9e-14 * u.au / u.day**2, bodies=["Apophis"]))
 
     bodies : names of the bodies that it acts on, massive or not; by default all but the source
     source : the Sun; by default the most massive body

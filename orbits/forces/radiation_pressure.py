@@ -52,7 +52,7 @@ TAG = Tag("radiation-pressure", {"acceleration": acceleration, "numbers": 1, "co
 class RadiationPressure(CentralForce):
     """Light of a star on dust: radiation pressure with Poynting–Robertson drag, to first order in v/c.
 
-        system.with_forces(orbits.RadiationPressure(beta=0.05, bodies=["grain"]))
+        system.with_forces(orbits.terms.RadiationPressure(beta=0.05, bodies=["grain"]))
 
     bodies : names of the bodies that it acts on, massive or not; by default all but the source
     source : the star; by default the most massive body

@@ -83,8 +83,8 @@ class Tides(CentralForce):
 
         earth = {"k2": 0.299, "radius": 6378.137 * u.km, "lag": 638 * u.s, "inertia": 0.3307}
         turning = {"spin": 360.9856 * u.deg / u.day, "pole": (0 * u.deg, 90 * u.deg)}
-        system = system.with_forces(orbits.Tides("Earth", **earth, **turning, bodies=["Moon"]))
-        orbits.propagate(system, orbits.Gauss(stages=8), duration=1 * u.yr).spin("Earth")
+        system = system.with_forces(orbits.terms.Tides("Earth", **earth, **turning, bodies=["Moon"]))
+        orbits.propagate(system, orbits.Gauss(stages=8), duration=1 * u.yr).rotation.spin("Earth")
 
     source : the massive body in which tides are raised; it must be given
     bodies : names of those that raise them, all with mass; by default all other massive bodies. Massless ones raise no

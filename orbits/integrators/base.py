@@ -187,8 +187,8 @@ class Integrator:
         if CONSTRAINED in lagrangian.traits:
             raise InputError(
                 f"{self.name} does not keep constraints, and '{lagrangian.name}' has {len(lagrangian.constraints)}: "
-                f"{', '.join(f'{g} = 0' for g in lagrangian.constraints)}. Use orbits.Rattle(), or raise its order "
-                "with orbits.Composition(orbits.Rattle(), order=4)."
+                f"{', '.join(f'{g} = 0' for g in lagrangian.constraints)}. Use orbits.methods.Rattle(), or raise "
+                "its order with orbits.methods.Composition(orbits.methods.Rattle(), order=4)."
             )
         missing = self.requires - lagrangian.traits
         able = sorted(c.__name__ for c in others.values() if any(m.serves(lagrangian) for m in c.examples()))

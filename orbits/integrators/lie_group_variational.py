@@ -105,8 +105,8 @@ class LieGroupVariational(Integrator):
     step. Symplectic, symmetric; conserves angular momentum to round-off. A body may turn by h|omega| < 1 in a step, of
     a composition in its longest one.
 
-        orbits.march(orbits.lagrangians.heavy_top, orbits.LieGroupVariational(), dt=0.02, steps=1000)
-        orbits.Composition(orbits.LieGroupVariational(), order=6)
+        orbits.march(orbits.lagrangians.heavy_top, orbits.methods.LieGroupVariational(), dt=0.02, steps=1000)
+        orbits.methods.Composition(orbits.methods.LieGroupVariational(), order=6)
     """
 
     name: ClassVar[str] = "lie-group-variational"

@@ -24,7 +24,7 @@ from orbits.time_grid import times_since
 from orbits.units import GM_SUN
 
 if TYPE_CHECKING:
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ LARGEST_ASTEROID = 1e-9 * GM_SUN
 
 
 def ephemeris_of(
-    run: Trajectory,
+    run: Run,
     bodies: str | Sequence[str] | None,
     observer: Any,
     times: Any,
@@ -91,18 +91,18 @@ class Track:
     gm_unit : of GM, in au^3/d^2
     """
 
-    def __init__(self, run: Trajectory) -> None:
+    def __init__(self, run: Run) -> None:
         units = run.system.units
         self.run = run
         self._length, self.day = float((1 * units.length).to_value(u.au)), float((1 * units.time).to_value(u.day))
         self.gm_unit = self._length**3 / self.day**2
-        self._first = run.earliest
+        self._first = run._earliest
 
     def states(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), au and au/d."""
         q, v = np.empty((2, len(times), len(self.run.names), 3))
         early = times < self._first
-        for rows, at in ((early, self.run.before), (~early, self._at)):
+        for rows, at in ((early, self.run._before), (~early, self._at)):
             if rows.any():
                 q[rows], v[rows] = at(times[rows])
         return q * self._length, v * (self._length / self.day)

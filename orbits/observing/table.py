@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from astropy.table import QTable
     from astropy.time import Time
 
-    from orbits.system import System
+    from orbits.protocols import State
+
 
 Array = NDArray[np.float64]
 
@@ -100,7 +101,7 @@ class Ephemeris(Tabular):
     @classmethod
     def of(
         cls,
-        system: System,
+        system: State,
         attributes: Mapping[str, str | float],
         names: tuple[str, ...],
         times: Array,

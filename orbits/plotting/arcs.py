@@ -19,8 +19,7 @@ from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError, OrbitsError
 
 if TYPE_CHECKING:
-    from orbits.system import System
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run, State
 
 Array = NDArray[np.float64]
 Bodies = tuple[int, ...]
@@ -85,7 +84,7 @@ class Orbit(NamedTuple):
             return np.asarray(2.0 * np.pi * self.gm / binding**1.5)
 
 
-def centre_of(system: System, members: Bodies) -> Bodies:
+def centre_of(system: State, members: Bodies) -> Bodies:
     """Return the bodies whose centre of mass `members` orbit as a group; none for the centre of the system, and among
     more than `MOST_CENTRAL` bodies of like mass, which are a cluster.
     """
@@ -116,7 +115,7 @@ def relative(gm: Array, q: Array, v: Array, members: Bodies, centre: Bodies) -> 
     )
 
 
-def is_nearly_two_body(system: System, members: Bodies, centre: Bodies) -> bool:
+def is_nearly_two_body(system: State, members: Bodies, centre: Bodies) -> bool:
     """Whether perturbations of the relative motion by other bodies are below `DISTURBED` of the centre's attraction."""
     gm, q, v, softening = system.values
     pull = np.zeros_like(q)
@@ -129,7 +128,7 @@ def is_nearly_two_body(system: System, members: Bodies, centre: Bodies) -> bool:
     return bool(np.linalg.norm(excess) < DISTURBED * np.linalg.norm(alone))
 
 
-def ellipse(system: System, i: int) -> Array | None:
+def ellipse(system: State, i: int) -> Array | None:
     """Return (721, 3) points, in the system's axes, of the osculating ellipse of body i about its centre.
 
     None for the central body, for parabolas, hyperbolas and radial falls, and where perturbations by other bodies are
@@ -154,7 +153,7 @@ def ellipse(system: System, i: int) -> Array | None:
     return np.asarray(_mean(gm, q, (i, *centre)) + _share(gm, (i,), centre) * round_centre)
 
 
-def joined(run: Trajectory, i: int, samples: Samples | None = None) -> Path:
+def joined(run: Run, i: int, samples: Samples | None = None) -> Path:
     """Return the path of body i; samples : of the run, if they are read for several bodies.
 
     It consists of straight lines between close samples, arcs of two-body motion between distant ones, and cubics where
@@ -195,7 +194,7 @@ def joined(run: Trajectory, i: int, samples: Samples | None = None) -> Path:
     return Path(np.concatenate(pieces or [_GAP]), loose, bool(wound.any()))
 
 
-def followed(run: Trajectory, bodies: Sequence[int]) -> tuple[Samples, dict[int, Path]]:
+def followed(run: Run, bodies: Sequence[int]) -> tuple[Samples, dict[int, Path]]:
     """Return the samples of a run and the paths of some bodies. Where samples are more than a revolution apart, or too
     far apart for a line where the motion is not Keplerian, the paths go through states between them, which the steps of
     the run are taken again for, unless it is too long for that or they cannot be.
@@ -213,14 +212,14 @@ def followed(run: Trajectory, bodies: Sequence[int]) -> tuple[Samples, dict[int,
         for begin, end, count in zip(run.times[:-1], run.times[1:], between.tolist(), strict=True)
     ]
     try:
-        finer: Trajectory = run.at([*np.concatenate(parts), run.times[-1]])
+        finer: Run = run.at([*np.concatenate(parts), run.times[-1]])
     except OrbitsError:
         return samples, paths
     samples = Samples(finer)
     return samples, {i: joined(finer, i, samples) for i in bodies}
 
 
-def _fastest(run: Trajectory, bodies: Sequence[int]) -> float:
+def _fastest(run: Run, bodies: Sequence[int]) -> float:
     """Return the shortest dynamical time of some bodies in the first and in the last sample."""
     gm, rows, rate2 = run.system.values.gm, list(bodies), 0.0
     for q in (run._q[0], run._q[-1]):
@@ -230,7 +229,7 @@ def _fastest(run: Trajectory, bodies: Sequence[int]) -> float:
     return rate2**-0.5 if rate2 > 0.0 else math.inf
 
 
-def last_state(run: Trajectory) -> System:
+def last_state(run: Run) -> State:
     """Return the system at the last sample, with the masses of then; retired particles, and bodies that merged, are
     without mass at their last positions, or at those of the start if no sample has them (see `seen`).
 
@@ -245,17 +244,17 @@ def last_state(run: Trajectory) -> System:
             q[body], v[body] = particle.q.value, particle.v.value
     for body in np.flatnonzero(np.isnan(q).all(axis=1)).tolist():  # merged into another one
         there = np.flatnonzero(np.isfinite(run._q[:, body]).all(axis=1))
-        last = run.sample(int(there[-1])) if there.size else run.system.values[1:3]
+        last = run._sample(int(there[-1])) if there.size else run.system.values[1:3]
         q[body], v[body] = last[0][body], last[1][body]
     if run.changes is None:
         return run.system.replaced(q=q, v=v, epoch=None)
-    bodies = run.changes.bodies_at(run.last_time)
+    bodies = run.changes.bodies_at(run._last_time)
     gm = np.where(bodies.present, bodies.gm, 0.0)
     # Without terms and forces, which may be of bodies that are without mass by now.
     return run.system.replaced(gm=gm, q=q, v=v, epoch=None, terms=(), forces=())
 
 
-def seen(run: Trajectory) -> NDArray[np.bool_]:
+def seen(run: Run) -> NDArray[np.bool_]:
     """Return which bodies are in any sample of a run, (bodies,): those that merged before are not."""
     found = np.zeros(len(run.names), dtype=bool)
     for sample in (0, -1):
@@ -268,7 +267,7 @@ def seen(run: Trajectory) -> NDArray[np.bool_]:
 class Samples:
     """The samples of a run, read body by body; those of the bodies used last are kept."""
 
-    def __init__(self, run: Trajectory) -> None:
+    def __init__(self, run: Run) -> None:
         self.run = run
         self.end = last_state(run)
         self.gm = self.end.values.gm

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ MOST_EVENTS = 100
 
 @style.look()
 def plot_error(
-    run: Trajectory,
+    run: Run,
     *,
     reference: Any = None,
     bodies: Sequence[str] | None = None,
@@ -102,7 +102,7 @@ def plot_error(
 
 
 @style.look()
-def plot_energy(run: Trajectory, *, title: str | None = None) -> Figure:
+def plot_energy(run: Run, *, title: str | None = None) -> Figure:
     """Return a picture of the changes of energy and angular momentum since the first sample, with their signs, as
     fractions: whether they oscillate, drift, or wander.
 
@@ -147,7 +147,7 @@ def _logarithmic(axes: Axes) -> Axes:
     return axes
 
 
-def _conserved(run: Trajectory) -> dict[str, Array]:
+def _conserved(run: Run) -> dict[str, Array]:
     """Return the relative changes, with signs, of what is conserved: of energy, and of angular momentum the length of
     the vector of changes.
     """
@@ -161,12 +161,12 @@ def _conserved(run: Trajectory) -> dict[str, Array]:
     return found
 
 
-def _why_not(run: Trajectory) -> str:
+def _why_not(run: Run) -> str:
     drift = run.drift()
     return "; ".join([*drift.remarks, f"energy and angular momentum are those {drift.covers}"])
 
 
-def _positions(run: Trajectory, reference: Any) -> tuple[Array | None, str]:
+def _positions(run: Run, reference: Any) -> tuple[Array | None, str]:
     """Return how far positions may be, or are, from where they should be, (samples, bodies), and by what."""
     if reference is None:
         if run.error_bars is None:
@@ -183,7 +183,7 @@ def _positions(run: Trajectory, reference: Any) -> tuple[Array | None, str]:
     return apart, f"distance from {words.method_words(reference.integrator.label)}"
 
 
-def _draw_positions(axes: Axes, run: Trajectory, errors: Array, chosen: Sequence[int], t: Array) -> list[str]:
+def _draw_positions(axes: Axes, run: Run, errors: Array, chosen: Sequence[int], t: Array) -> list[str]:
     """Draw the errors of positions, and return the meaning of the lines."""
     looks, cloud = looks_of(run.system, list(chosen))
     told = []

@@ -16,7 +16,7 @@ from orbits.elements import elements_from_state, to_frame
 from orbits.errors import InputError
 
 if TYPE_CHECKING:
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Histories:
         return np.degrees(self.elements[name]) if name in ANGLES else self.elements[name]
 
 
-def primary_of(run: Trajectory, primary: str | None, kind: str) -> int:
+def primary_of(run: Run, primary: str | None, kind: str) -> int:
     """Return the number of the body that the others orbit: the most massive one, unless it is named.
 
     Raises UnknownNameError for a name that no body has, InputError for a body without mass.
@@ -69,7 +69,7 @@ def primary_of(run: Trajectory, primary: str | None, kind: str) -> int:
 
 
 def histories(
-    run: Trajectory,
+    run: Run,
     bodies: Sequence[int],
     names: Sequence[str],
     *,

@@ -17,7 +17,7 @@ from orbits.plotting.rotation import plot_rotation
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 KINDS: Mapping[str, Callable[..., Any]] = {
     "paths": plot_trajectory,
@@ -31,7 +31,7 @@ KINDS: Mapping[str, Callable[..., Any]] = {
 """The function that draws each kind."""
 
 
-def plot_run(run: Trajectory, kind: str = "paths", **options: Any) -> Figure:
+def plot_run(run: Run, kind: str = "paths", **options: Any) -> Figure:
     """Return a picture of a run.
 
     kind : "paths", the orbits from above and what is conserved; "elements", a, e and the inclination against time, or

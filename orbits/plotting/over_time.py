@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ CLOUD = "thin lines, from blue to yellow: {}, in the order of their first values
 
 @style.look()
 def plot_elements(
-    run: Trajectory,
+    run: Run,
     *,
     elements: Sequence[str] = ("a", "e", "inc"),
     primary: str | None = None,
@@ -125,7 +125,7 @@ def _is_flattened(values: Array, name: str) -> bool:
 
 
 def _one_by_one(
-    run: Trajectory, known: Histories, wanted: Sequence[str], looks: Looks, *, approaches: bool, title: str | None
+    run: Run, known: Histories, wanted: Sequence[str], looks: Looks, *, approaches: bool, title: str | None
 ) -> Figure:
     """Return a picture with a column for each element and a row for each body, each panel on a scale of its own."""
     t, unit = times_of(run)
@@ -167,7 +167,7 @@ def _own_scale(axes: Axes, values: Array, name: str) -> None:
 
 
 def _draw(
-    axes: Axes, run: Trajectory, known: Histories, name: str, t: Array, looks: Looks, cloud: list[int]
+    axes: Axes, run: Run, known: Histories, name: str, t: Array, looks: Looks, cloud: list[int]
 ) -> list[str]:
     """Draw one element of all bodies, and return the meaning of the marks."""
     values, turn = known.shown(name), 360.0 if name in TURNING else None
@@ -175,7 +175,7 @@ def _draw(
     if cloud:
         _draw_many(axes, t, values[:, [known.bodies.index(i) for i in cloud]], turn)
         told[CLOUD.format(counted(run.system, cloud))] = None
-    ends = run.reached if run.span is not None else run.last_time
+    ends = run._reached if run._span is not None else run._last_time
     for k, i in enumerate(known.bodies):
         last = last_seen(values[:, k])
         gone = 0 <= last < len(t) - 1 and np.isnan(values[last + 1 :, k]).all()
@@ -212,7 +212,7 @@ class Marks(NamedTuple):
     at: Sequence[tuple[float, tuple[str | None, ...]]]
 
 
-def _marks(run: Trajectory, *, approaches: bool) -> list[Marks]:
+def _marks(run: Run, *, approaches: bool) -> list[Marks]:
     """Return the events of a run, and its close approaches if they are asked for."""
     found = []
     if len(run.events):
@@ -229,7 +229,7 @@ def _marks(run: Trajectory, *, approaches: bool) -> list[Marks]:
 
 
 def _mark(
-    axes: Axes, run: Trajectory, known: Histories, name: str, t: Array, looks: Looks, marks: Marks
+    axes: Axes, run: Run, known: Histories, name: str, t: Array, looks: Looks, marks: Marks
 ) -> str:
     """Mark events or approaches on the lines of their bodies, and return what the marks mean, if there are any."""
     if len(t) < 2 or run.times[0] == run.times[-1]:
@@ -250,7 +250,7 @@ def _mark(
 
 @style.look()
 def plot_phase(
-    run: Trajectory,
+    run: Run,
     *,
     primary: str | None = None,
     bodies: Sequence[str] | None = None,
@@ -332,13 +332,13 @@ def about_origin(axes: Axes, reach: float) -> None:
     axes.axvline(0.0, color=style.GREY, lw=0.7, zorder=0)
 
 
-def times_of(run: Trajectory) -> tuple[Array, str]:
+def times_of(run: Run) -> tuple[Array, str]:
     """Return the times of the samples in a unit that suits the run, and the unit."""
     factor, unit = words.fitting_time(float(np.abs(run.times).max()), run.system.units.time)
     return run.times * factor, unit
 
 
-def years(axes: Axes, run: Trajectory, t: Array) -> None:
+def years(axes: Axes, run: Run, t: Array) -> None:
     """Give a time axis the years of the calendar at its upper edge, if they are of use."""
     epoch, span = run.system.epoch, float(np.ptp(run.times)) if len(run) else 0.0
     if epoch is None or len(t) < 2 or not span:
@@ -361,17 +361,17 @@ def years(axes: Axes, run: Trajectory, t: Array) -> None:
     upper.set_xlabel("year", fontsize=12, color=style.GREY, labelpad=2.0)
 
 
-def heading(run: Trajectory, known: Histories) -> str:
+def heading(run: Run, known: Histories) -> str:
     """Return what a picture of elements is of: the centre, the frame and the method."""
     frame = f", {FRAMES[known.frame]}" if known.frame != "system" else ""
     return f"orbits about {words.in_prose(run.names[known.primary])}{frame}; {words.in_title(run.integrator)}"
 
 
-def _unit(run: Trajectory) -> str:
+def _unit(run: Run) -> str:
     return str(run.system.units.length).replace("AU", "au")
 
 
-def _label(run: Trajectory, name: str) -> str:
+def _label(run: Run, name: str) -> str:
     """Return the label of an axis, with the unit."""
     units = run.system.units
     time = str(units.time)

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.system import System
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run, State
 
 Array = NDArray[np.float64]
 Looks = dict[int, dict[str, Any]]
@@ -43,7 +42,7 @@ INNER, FEW = 0.1, 3
 
 
 @style.look()
-def plot_system(system: System, *, title: str | None = None, frame: str | None = None) -> Figure:
+def plot_system(system: State, *, title: str | None = None, frame: str | None = None) -> Figure:
     """Return a picture of a system from above: bodies at the epoch with their osculating ellipses.
 
     Bodies close to the centre are also shown in a map of their own.
@@ -66,7 +65,7 @@ def plot_system(system: System, *, title: str | None = None, frame: str | None =
 
 
 def _draw_bodies(
-    axes: Axes, system: System, points: Array, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
+    axes: Axes, system: State, points: Array, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
 ) -> list[str]:
     """Draw the chosen bodies and their ellipses, and return the meaning of the marks."""
     told = [words for words in [_draw_cloud(axes, system, points, cloud)] if words]
@@ -83,7 +82,7 @@ def _draw_bodies(
 
 @style.look()
 def plot_trajectory(
-    run: Trajectory, *, title: str | None = None, bodies: Sequence[str] | None = None, frame: str | None = None
+    run: Run, *, title: str | None = None, bodies: Sequence[str] | None = None, frame: str | None = None
 ) -> Figure:
     """Return a picture of a run: the paths from above, and the errors of energy and angular momentum against time.
 
@@ -113,7 +112,7 @@ def plot_trajectory(
 
 
 def paths(
-    axes: Axes, run: Trajectory, *, bodies: Sequence[str] | None = None, frame: str | None = None
+    axes: Axes, run: Run, *, bodies: Sequence[str] | None = None, frame: str | None = None
 ) -> tuple[str, ...]:
     """Draw the paths as seen from above, and return the meaning of the marks, for a caption.
 
@@ -127,7 +126,7 @@ def paths(
 
 
 def _draw_paths(
-    axes: Axes, run: Trajectory, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
+    axes: Axes, run: Run, looks: Looks, cloud: list[int], chosen: set[int], frame: str | None
 ) -> tuple[str, ...]:
     system = run.system
     told: dict[str, None] = {}
@@ -166,7 +165,7 @@ def _draw_paths(
     return ("discs: the bodies at the end", *told)
 
 
-def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Trajectory], *, time: str | None = None) -> None:
+def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Run], *, time: str | None = None) -> None:
     """Draw |dE/E| and |dL/L| against time for several runs, with the round-off floor.
 
     time : the unit of time; by default one suited to the length of the runs
@@ -240,7 +239,7 @@ def relative_change(series: Array, scale: float | None = None) -> Array:
     return np.asarray(np.linalg.norm(values - values[0], axis=1) / size)
 
 
-def in_plane(system: System, q: Array, frame: str | None = None) -> Array:
+def in_plane(system: State, q: Array, frame: str | None = None) -> Array:
     """Return positions as seen from above, (..., 3), in the axes of `frame`.
 
     The default is `System.frame`.
@@ -248,7 +247,7 @@ def in_plane(system: System, q: Array, frame: str | None = None) -> Array:
     return to_frame(q, system.frame if frame is None else frame)
 
 
-def map_axes(axes: Axes, system: System, frame: str | None = None, origin: str = "") -> None:
+def map_axes(axes: Axes, system: State, frame: str | None = None, origin: str = "") -> None:
     """Label the axes of a map with frame, origin and unit, and give both axes the same scale."""
     unit = str(system.units.length).replace("AU", "au")
     frame = system.frame if frame is None else frame.lower()
@@ -266,7 +265,7 @@ def map_axes(axes: Axes, system: System, frame: str | None = None, origin: str =
             axis.set_major_formatter(lambda x, _: f"{x / 10.0**power:g}".replace("-", "−"))
 
 
-def osculating_ellipse(system: System, body: str | int, frame: str | None = None) -> Array | None:
+def osculating_ellipse(system: State, body: str | int, frame: str | None = None) -> Array | None:
     """Return 721 points, as seen from above, of a body's osculating ellipse.
 
     Its centre is the planet of a moon, the pair of stars of a circumbinary planet, or the most massive body. None for
@@ -276,12 +275,12 @@ def osculating_ellipse(system: System, body: str | int, frame: str | None = None
     return None if path is None else in_plane(system, path, frame)
 
 
-def _chosen(system: System, bodies: Sequence[str] | None) -> list[int]:
+def _chosen(system: State, bodies: Sequence[str] | None) -> list[int]:
     chosen: list[int] = np.arange(len(system))[body_names.chosen(system.names, bodies)].tolist()
     return chosen
 
 
-def there(run: Trajectory, bodies: Sequence[str] | None) -> list[int]:
+def there(run: Run, bodies: Sequence[str] | None) -> list[int]:
     """Return the chosen bodies that are in any sample. Raises InputError if none is, or one that was named."""
     chosen = _chosen(run.system, bodies)
     if not len(run):
@@ -296,14 +295,14 @@ def there(run: Trajectory, bodies: Sequence[str] | None) -> list[int]:
     return [i for i in chosen if seen[i]]
 
 
-def _merged(run: Trajectory) -> NDArray[np.bool_]:
+def _merged(run: Run) -> NDArray[np.bool_]:
     """Return which massive bodies are gone by the last sample, (bodies,)."""
     if run.changes is None:
         return np.zeros(len(run.names), dtype=bool)
-    return np.asarray(run.system.massive & ~run.changes.bodies_at(run.last_time).present)
+    return np.asarray(run.system.massive & ~run.changes.bodies_at(run._last_time).present)
 
 
-def looks_of(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
+def looks_of(system: State, chosen: list[int]) -> tuple[Looks, list[int]]:
     """Return the looks of the bodies that are drawn individually, and the bodies that are drawn as a cloud."""
     massive = system.massive
     heavy = sorted((i for i in chosen if massive[i]), key=lambda i: -system.values.gm[i])
@@ -316,12 +315,12 @@ def looks_of(system: System, chosen: list[int]) -> tuple[Looks, list[int]]:
     }, cloud
 
 
-def counted(system: System, cloud: list[int]) -> str:
+def counted(system: State, cloud: list[int]) -> str:
     """Return the number of the bodies of a cloud in words."""
     return f"{len(cloud):,} {'lighter' if system.massive[cloud].any() else 'massless'} bodies"
 
 
-def _inner(system: System, points: Array, looks: Looks, cloud: list[int]) -> set[int]:
+def _inner(system: State, points: Array, looks: Looks, cloud: list[int]) -> set[int]:
     """Return the central body and those close to it, if there are several and others are far away; else nothing."""
     middle = int(np.argmax(system.values.gm))
     distance = np.linalg.norm(points - points[middle], axis=1)
@@ -330,7 +329,7 @@ def _inner(system: System, points: Array, looks: Looks, cloud: list[int]) -> set
     return {middle, *close} if middle in looks and len(close & set(looks)) >= FEW else set()
 
 
-def _draw_cloud(axes: Axes, system: System, points: Array, cloud: list[int]) -> str:
+def _draw_cloud(axes: Axes, system: State, points: Array, cloud: list[int]) -> str:
     """Draw bodies as points, and return what they are if the legend has no room for it."""
     if not cloud:
         return ""

@@ -19,7 +19,7 @@ from orbits.plotting.pictures import counted, looks_of, named_in, there
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def integers_of(resonance: Any) -> tuple[int, int]:
 
 @style.look()
 def plot_resonance(
-    run: Trajectory,
+    run: Run,
     *,
     resonance: Any = None,
     planet: str | None = None,
@@ -181,7 +181,7 @@ def _around_half(angles: Array) -> bool:
     return bool(away) and float(np.mean(away)) < 0.0
 
 
-def _planet(run: Trajectory, planet: str | None, primary: int) -> int:
+def _planet(run: Run, planet: str | None, primary: int) -> int:
     gm = run.system.values.gm.copy()
     if planet is not None:
         place = index_of(planet, run.names, "body", role="planet")
@@ -196,7 +196,7 @@ def _planet(run: Trajectory, planet: str | None, primary: int) -> int:
     return place
 
 
-def _near(run: Trajectory, known: Histories, p: int, q: int) -> NDArray[np.bool_]:
+def _near(run: Run, known: Histories, p: int, q: int) -> NDArray[np.bool_]:
     """Return which bodies are near the resonance, with samples that follow their angle, (k,), without the planet.
 
     Raises InputError if none is near, and if the samples follow the angle of none.

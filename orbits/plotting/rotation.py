@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -41,14 +41,14 @@ CAPTION = (
 
 @style.look()
 def plot_rotation(
-    run: Trajectory, body: str | None = None, *, about: str | None = None, title: str | None = None
+    run: Run, body: str | None = None, *, about: str | None = None, title: str | None = None
 ) -> Figure:
     """Return a picture of a rigid body's rotation: libration angle, rate and obliquity against time, and the path of
     its axis 3 among the stars.
 
     body : its name; may be left out if only one is rigid
     about : the body that it orbits; by default the heaviest of the others
-    Raises InputError for a run without samples, and as `run.attitude` and `run.obliquity` do.
+    Raises InputError for a run without samples, and as `run.rotation.attitude` and `run.rotation.obliquity` do.
     """
     if not len(run):
         raise InputError(f"{run!r} has no samples yet, so nothing can be drawn; expected at least one.")
@@ -59,12 +59,12 @@ def plot_rotation(
     axes = made.subplot_mosaic(mosaic, width_ratios=[1.25, 1.0])
     factor, unit = words.fitting_time(float(np.abs(run.times).max()), system.units.time)
     t, many = run.times * factor, len(run) > 2
-    rate = run.rotation_rate(name).value / (n or 1.0)
+    rate = run.rotation.rate(name).value / (n or 1.0)
     whole = f"rotation rate [{run.system.units.rate}]"
     panels = {
-        "libration": ("libration angle [deg]", _unbroken(run.libration_angle(name, primary).value)),
+        "libration": ("libration angle [deg]", _unbroken(run.rotation.libration_angle(name, primary).value)),
         "rate": ("rotation rate / n" if n else whole, rate),
-        "obliquity": ("obliquity [deg]", run.obliquity(name, primary).value),
+        "obliquity": ("obliquity [deg]", run.rotation.obliquity(name, primary).value),
     }
     for k, (key, (label, values)) in enumerate(panels.items()):
         axes[key].plot(t, values, color=style.PALETTE[k], lw=1.3, marker=None if many else "o")
@@ -87,7 +87,7 @@ def plot_rotation(
     return made
 
 
-def _rigid(run: Trajectory, body: str | None) -> str:
+def _rigid(run: Run, body: str | None) -> str:
     """Return the name of the body that is drawn. Raises InputError if it is not said, and several are rigid."""
     rigid = list(run.system.rigid)
     if body is not None:
@@ -99,7 +99,7 @@ def _rigid(run: Trajectory, body: str | None) -> str:
     return rigid[0]
 
 
-def _orbit(run: Trajectory, body: str, about: str | None) -> tuple[str, Array, float]:
+def _orbit(run: Run, body: str, about: str | None) -> tuple[str, Array, float]:
     """Return the name of the primary, the pole of the orbit at the start and its mean motion, 0 if it is open."""
     system, gm = run.system, run.system.values.gm
     i, j = orbited(system.names, gm, body, about)
@@ -116,9 +116,9 @@ def _unbroken(angles: Array) -> Array:
     return out
 
 
-def _draw_sky(made: Figure, axes: Axes, run: Trajectory, body: str, pole: Array, time: tuple[Array, str]) -> None:
+def _draw_sky(made: Figure, axes: Axes, run: Run, body: str, pole: Array, time: tuple[Array, str]) -> None:
     """Draw the path of axis 3 in an equal-area projection about a pole."""
-    third = run.attitude(body, matrix=True)[:, :, 2]
+    third = run.rotation.attitude(body, matrix=True)[:, :, 2]
     east = np.cross([0.0, 0.0, 1.0] if abs(pole[2]) < 0.99 else [1.0, 0.0, 0.0], pole)
     east = east / np.linalg.norm(east)
     z = third @ pole

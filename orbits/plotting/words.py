@@ -19,8 +19,7 @@ from orbits.units import date_text
 
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
-    from orbits.system import System
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run, State
 
 SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
 LONGEST_NAME = 28
@@ -85,7 +84,7 @@ def in_title(integrator: Integrator) -> str:
     return method_words(integrator.label)
 
 
-def made_by(run: Trajectory) -> str:
+def made_by(run: Run) -> str:
     """Return method and step of a run as in a title: "Gauss, 8 stages, dt = 6 d"."""
     step = "" if math.isnan(run.step) else f", dt = {in_fitting_time(abs(run.step), run.system.units.time)}"
     return in_title(run.integrator) + step
@@ -128,13 +127,13 @@ def in_fitting_time(duration: float, unit: Any) -> str:
     return f"{duration * u.Unit(unit).to(best):.4g} {best}"
 
 
-def since(system: System, unit: str) -> str:
+def since(system: State, unit: str) -> str:
     """Return the label of a time axis, with epoch and unit."""
     start = "" if system.epoch is None else f" since {moment(system)}"
     return f"time{start} [{unit}]" if unit else f"time{start}"
 
 
-def moment(system: System) -> str:
+def moment(system: State) -> str:
     """Return the epoch of a system to the minute, or the date for midnight: "2000-01-01 12:00 TDB"."""
     if system.epoch is None:
         return ""

@@ -36,15 +36,16 @@ from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
-from orbits.propagation.control.stop_conditions import Condition, Conditions, Stop, WallTimeOver, asks_to_stop
+from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver, asks_to_stop
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Found, Seeking
-from orbits.propagation.results.passages_seen import observed_until
+from orbits.propagation.results.recording import observed_until
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore
+from orbits.results.stop import Stop
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
@@ -278,7 +279,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
-    trajectory.span = 0.0, _reached(marcher, grid, complete, watch)
+    trajectory._span = 0.0, _reached(marcher, grid, complete, watch)
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
     excursions = marcher.excursions()
@@ -286,9 +287,9 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         trajectory._excursions = Excursions.of(system, grid.clock, *excursions)
     trajectory.changes = marcher.changes()
     if marcher.changed:
-        trajectory.kept = None  # steps are of the bodies of the start
+        trajectory._kept = None  # steps are of the bodies of the start
     else:
-        trajectory.record = marcher.current.record(observed_until(trajectory))
+        trajectory._record = marcher.current.record(observed_until(trajectory))
     yield None
     try:
         with StopRequest() as late:
@@ -324,11 +325,11 @@ def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Fi
     if not watch.check_step:
         return
     yield from energy_lost(trajectory)
-    if trajectory.record is None:
+    if trajectory._record is None:
         return
     if is_rigid(trajectory.system):
         yield from overlaps(trajectory, seen_by(trajectory))
-    if len(trajectory.record.listed):
+    if len(trajectory._record.listed):
         maps = trajectory.integrator.follows_kepler
         look = kepler_splitting.not_followed if maps else unresolved_passages.not_resolved
         yield from look(trajectory, seen_by(trajectory))

@@ -150,11 +150,11 @@ def propagate(
     overwrite : whether an existing archive may be replaced
     certificate : True certifies the integrator on this system with this step before the run, as `orbits.certify`
         does, and stores the certificate in the archive; or an existing certificate
-    stop : a condition that ends the run early, such as `orbits.EnergyErrorAbove(1e-9)`, or a list of them;
+    stop : a condition that ends the run early, such as `orbits.events.EnergyErrorAbove(1e-9)`, or a list of them;
         `run.stopped` then has the condition and the state. An archive can be resumed past it. Distances, as in
-        `orbits.CloserThan(0.01 * u.au, "Apophis", "Earth")`, are events with then="stop"
-    events : what is sought on the motion within steps, such as `orbits.CloseApproach("Apophis", "Earth")`, one event or
-        a list of them: `run.events` is their table. They change the run only if they stop it, or act
+        `orbits.events.CloserThan(0.01 * u.au, "Apophis", "Earth")`, are events with then="stop"
+    events : what is sought on the motion within steps, such as `orbits.events.CloseApproach("Apophis", "Earth")`, one
+        event or a list of them: `run.events` is their table. They change the run only if they stop it, or act
     callback : called after each sample with the time since the epoch, a quantity, and the `System` there; True ends
         the run. With it, or with events, the systems of a list are propagated one after the other
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it

@@ -113,7 +113,7 @@ class Scenario:
         import orbits
         from astropy import units as u
 
-        scenario = orbits.Scenario(
+        scenario = orbits.scenarios.Scenario(
             name="giants",
             title="The four giants for ten thousand years",
             system=lambda: orbits.System.solar_system(bodies=["Sun", "Jupiter", "Saturn", "Uranus", "Neptune"]),

@@ -43,11 +43,11 @@ def record(file: Path, run: Trajectory) -> dict[str, Any]:
         "complete": run.complete,
         "from": float(run.times[0]) if len(run) else None,
         "to": float(run.times[-1]) if len(run) else None,
-        "reached": run.reached,
+        "reached": run._reached,
         "end": None if run.archive is None else run.archive.grid.end,
         "running": _running(run),
         "ended": {"how": ended.how, "why": ended.why} if ended is not None and ended.how else None,
-        "dense_states": None if run.kept is None else len(run.kept),
+        "dense_states": None if run._kept is None else len(run._kept),
         "sought": [{key: event[key] for key in ("kind", "given", "then")} for event in _sought(run)],
         "events": run.events.to_records(),
         "legs": [
@@ -72,8 +72,8 @@ def text(file: Path, run: Trajectory) -> str:
     origin = None if run.archive is None else run.archive.origin
     told = [] if origin is None else [f"scenario: {origin}"]
     first = [str(run), *told, *_endings(run), *([_under_way(run, running)] if running else [])]
-    if run.kept is not None:
-        first.append(f"dense output from {len(run.kept):,} states: run.at(times) answers at once")
+    if run._kept is not None:
+        first.append(f"dense output from {len(run._kept):,} states: run.at(times) answers at once")
     parts = ["\n".join(first), str(run.system)]
     if len(run.legs) > 1:
         parts.append(_legs(run))
@@ -99,7 +99,7 @@ def _endings(run: Trajectory) -> list[str]:
     ended = None if run.archive is None else run.archive.ended
     if ended is None or not ended.how:
         return []
-    when = f"t = {with_unit(f'{run.reached:.10g}', run.system.units.time)}"
+    when = f"t = {with_unit(f'{run._reached:.10g}', run.system.units.time)}"
     words = {"interrupted": f"interrupted by {ended.why} at {when}", "failed": f"failed after {when}: {ended.why}"}
     return [words.get(ended.how, f"{ended.how}: {ended.why}")]
 
@@ -115,7 +115,7 @@ def _running(run: Trajectory) -> dict[str, Any] | None:
     left = abs(archive.grid.end - pace.reached) / rate - (now - pace.committed)
     return {
         "process": None if writer < 0 else writer,
-        "fraction": abs(run.reached / archive.grid.end),
+        "fraction": abs(run._reached / archive.grid.end),
         "last_commit_s_ago": now - pace.committed if pace.committed else None,
         "time_covered_per_s": _known(rate),
         "left_s": _known(max(left, 0.0) if left == left else left),
@@ -128,7 +128,7 @@ def _under_way(run: Trajectory, known: Mapping[str, Any]) -> str:
     end = run.archive.grid.end
     factor, unit = fitting_time(end, run.system.units.time)
     who = "another process" if known["process"] is None else f"process {known['process']}"
-    reached = with_unit(f"{factor * run.reached:,.6g} of {factor * end:,.6g}", unit)
+    reached = with_unit(f"{factor * run._reached:,.6g} of {factor * end:,.6g}", unit)
     parts = [f"being written by {who}: {known['fraction']:.1%}, t = {reached}"]
     if known["last_commit_s_ago"] is not None:
         parts[0] += f" at the last commit, {wall_time_text(max(0.0, known['last_commit_s_ago']))} ago"
@@ -183,8 +183,8 @@ def _rigid(run: Trajectory, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "moments_per_mass": moments,
-        "attitude": last.attitude(name)[0].tolist(),
-        "spin": last.angular_velocity(name)[0].value.tolist(),
+        "attitude": last.rotation.attitude(name)[0].tolist(),
+        "spin": last.rotation.angular_velocity(name)[0].value.tolist(),
         "rate_unit": str(run.system.units.rate),
     }
 
@@ -195,7 +195,7 @@ def _turning(run: Trajectory) -> str:
     for name in list(run.system.rigid)[:MOST_ROWS]:
         moments = _rigid(run, name)["moments_per_mass"]
         shares = " : ".join(f"{x / max(moments):.6g}" for x in moments)
-        rate, tilt = last.rotation_rate(name)[0].value, last.euler_angles(name)[0, 1].value
+        rate, tilt = last.rotation.rate(name)[0].value, last.rotation.euler_angles(name)[0, 1].value
         rows.append([name, shares, f"{rate:.8g}", f"{tilt:.4g}"])
     head = ["body", "A : B : C", headed("turns by", run.system.units.rate), "tilt [deg]"]
     count = len(run.system.rigid)

@@ -18,7 +18,7 @@ from orbits.errors import InputError, OrbitsError, UnknownNameError, shown
 from orbits.scenario.definition import Scenario
 from orbits.scenario.study import Study
 
-_OPTION = ("orbits.Option", "Option")
+_OPTION = ("orbits.scenarios.Option", "Option")
 """How the files of bundled scenarios call `Option`, whose first argument is the name."""
 
 
@@ -62,8 +62,8 @@ def load_file(path: Path) -> Scenario | Study:
     if not isinstance(scenario, Scenario | Study):
         got = "defines none" if scenario is None else f"has one of type {type(scenario).__name__}"
         raise InputError(
-            f"{path} {got}; expected a line such as: scenario = orbits.Scenario(name=..., title=..., ...), or one "
-            "with orbits.Study."
+            f"{path} {got}; expected a line such as: scenario = orbits.scenarios.Scenario(name=..., title=..., ...), "
+            "or one with orbits.scenarios.Study."
         )
     return scenario
 

@@ -30,8 +30,8 @@ class Option:
 
     Raises InputError for a declaration that contradicts itself.
 
-        orbits.Option("planets", "giants", choices=("giants", "all"), help="which planets are there")
-        orbits.Option("count", 10_000, least=1, help="number of massless particles")
+        orbits.scenarios.Option("planets", "giants", choices=("giants", "all"), help="which planets are there")
+        orbits.scenarios.Option("count", 10_000, least=1, help="number of massless particles")
     """
 
     name: str
@@ -150,8 +150,8 @@ def checked_options(options: Any, of: str) -> tuple[Option, ...]:
     for each in listed:
         if not isinstance(each, Option):
             raise InputError(
-                f"scenario {of!r}: options holds {shown(each)}; expected a list such as [orbits.Option('count', 100, "
-                "help='number of particles')]."
+                f"scenario {of!r}: options holds {shown(each)}; expected a list such as "
+                "[orbits.scenarios.Option('count', 100, help='number of particles')]."
             )
     names = [each.name for each in listed]
     for name in names:

@@ -248,7 +248,7 @@ def _plain(value: Any) -> Any:
 def _require_checks(name: str, checks: Sequence[Any]) -> None:
     for check in checks:
         if not isinstance(check, Check):
-            raise InputError(f"scenario {name!r}: checks must yield orbits.Check values, got {shown(check)}.")
+            raise InputError(f"scenario {name!r}: checks must yield orbits.scenarios.Check values, got {shown(check)}.")
 
 
 def _report(

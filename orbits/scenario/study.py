@@ -90,9 +90,10 @@ class Study:
         def experiment(say):
             path = orbits.march(orbits.lagrangians.pendulum, orbits.StormerVerlet(), dt=0.1, steps=10_000)
             spread = float(np.ptp(path.energy()))
-            return StudyResult(checks=[orbits.Check("the energy stays bounded", spread < 0.01, f"{spread:.1e}")])
+            check = orbits.scenarios.Check("the energy stays bounded", spread < 0.01, f"{spread:.1e}")
+            return orbits.scenarios.StudyResult(checks=[check])
 
-        scenario = orbits.Study(name="bounded", title="The energy of a pendulum", experiment=experiment)
+        scenario = orbits.scenarios.Study(name="bounded", title="The energy of a pendulum", experiment=experiment)
 
         if __name__ == "__main__":
             scenario.main()

@@ -27,10 +27,10 @@ def quantity(text: str, option: str) -> Any:
 
 
 CLOCKS = {
-    "adaptive": ("Adaptive", 'adaptive, adaptive:1e-8 or "adaptive(tolerance=1e-8)"'),
-    "transformed": ("TimeTransformed", 'transformed, transformed:0.3 or "transformed(step=0.3)"'),
+    "adaptive": 'adaptive, adaptive:1e-8 or "adaptive(tolerance=1e-8)"',
+    "transformed": 'transformed, transformed:0.3 or "transformed(step=0.3)"',
 }
-"""The words for steps that differ in length: the clock of `orbits` that each means, and what may be typed."""
+"""The words for steps that differ in length, and what may be typed."""
 
 
 def step_or_clock(text: str, option: str) -> Any:
@@ -43,26 +43,27 @@ def step_or_clock(text: str, option: str) -> Any:
     word = next((word for word in CLOCKS if typed.startswith(word)), None)
     if word is None:
         return quantity(text, option)
-    import orbits
+    from orbits.marching.clocks.adaptive import Adaptive
+    from orbits.marching.clocks.transformed import TimeTransformed
 
-    clock, (name, ways) = None, CLOCKS[word]
+    clock, meant = None, {"adaptive": Adaptive, "transformed": TimeTransformed}[word]
     try:
         head, colon, number = typed.partition(":")
         if colon and head.strip() == word:
-            return getattr(orbits, name)(float(number))
+            return meant(float(number))
         read = ast.parse(text.strip(), mode="eval").body
         if isinstance(read, ast.Name) and read.id.lower() == word:
-            clock = getattr(orbits, name)()
+            clock = meant()
         if isinstance(read, ast.Call) and isinstance(read.func, ast.Name) and read.func.id.lower() == word:
             given = [ast.literal_eval(value) for value in read.args]
             named = {str(key.arg): ast.literal_eval(key.value) for key in read.keywords}
-            clock = getattr(orbits, name)(*given, **named)
+            clock = meant(*given, **named)
     except InputError:
         raise
     except (SyntaxError, ValueError, TypeError, MemoryError, RecursionError):
         pass
     if clock is None:
-        raise InputError(f"{option} = {shown(text)} cannot be read; write {ways}.")
+        raise InputError(f"{option} = {shown(text)} cannot be read; write {CLOCKS[word]}.")
     return clock
 
 

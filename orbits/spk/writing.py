@@ -33,7 +33,7 @@ from orbits.spk import chebyshev, daf
 from orbits.time_grid import dynamical_time
 
 if TYPE_CHECKING:
-    from orbits.trajectory import Trajectory
+    from orbits.protocols import Run
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ class SpkFile:
 
 
 def write(
-    run: Trajectory,
+    run: Run,
     path: str | PathLike[str],
     *,
     tolerance_km: float = 1e-3,
@@ -158,7 +158,7 @@ class _Grid(NamedTuple):
     seconds: Fraction
 
     @classmethod
-    def of(cls, run: Trajectory, length: float) -> _Grid:
+    def of(cls, run: Run, length: float) -> _Grid:
         """The grid of records no longer than `length` seconds."""
         epoch = run.system.epoch
         assert epoch is not None  # checked before
@@ -175,7 +175,7 @@ class _TooLongError(Exception):
     """Records whose truncation error, the argument, exceeds the tolerance."""
 
 
-def _check(run: Trajectory, tolerance_km: float) -> None:
+def _check(run: Run, tolerance_km: float) -> None:
     if not run.system.units.is_physical:
         raise InputError("a run in pure numbers has no kilometres and seconds; expected a system with physical units.")
     if run.system.epoch is None:
@@ -185,7 +185,7 @@ def _check(run: Trajectory, tolerance_km: float) -> None:
     positive_number(tolerance_km, "tolerance_km")
 
 
-def _refuse_retired(run: Trajectory, wanted: Sequence[str]) -> None:
+def _refuse_retired(run: Run, wanted: Sequence[str]) -> None:
     """Refuse bodies that were retired before the last sample: a segment covers the whole run."""
     ends = run.times[0], run.times[-1]
     lost = [p for p in run.retired if p.name in wanted and abs(p.time.value) < max(map(abs, ends))]
@@ -198,7 +198,7 @@ def _refuse_retired(run: Trajectory, wanted: Sequence[str]) -> None:
 
 
 def _fitted(
-    run: Trajectory, places: Sequence[int], about: int | None, tolerance_km: float
+    run: Run, places: Sequence[int], about: int | None, tolerance_km: float
 ) -> tuple[_Grid, Array, Array]:
     """Return the grid of records that meet the tolerance, coefficients (records, degree + 1, bodies, 3), and errors."""
     typical, shortest = abs(run.step), SHORTEST_IN_STEPS
@@ -230,12 +230,12 @@ def _fitted(
 
 
 def _coefficients(
-    run: Trajectory, places: Sequence[int], about: int | None, grid: _Grid, tolerance_km: float
+    run: Run, places: Sequence[int], about: int | None, grid: _Grid, tolerance_km: float
 ) -> tuple[Array, Array]:
     """March through all records. Raises _TooLongError as soon as a block of them misses the tolerance."""
     units = run.system.units
     km, kms = float(units.length.to(u.km)), float(units.speed.to(u.km / u.s))
-    march = run.begun()
+    march = run._begun()
     coefficients = np.empty((grid.records, chebyshev.DEGREE + 1, len(places), 3))
     lost = np.zeros(len(places))
     order = range(grid.records) if run.clock.direction > 0 else range(grid.records - 1, -1, -1)
@@ -287,7 +287,7 @@ def _joined(coefficients: Array, lost: float, length: float, tolerance_km: float
     return coefficients[:, :, 0], lost, length
 
 
-def _largest_distance_to_samples(run: Trajectory, body: int, about: int | None, fit: Array, grid: _Grid) -> float:
+def _largest_distance_to_samples(run: Run, body: int, about: int | None, fit: Array, grid: _Grid) -> float:
     """Return the largest distance of the polynomials from the run's samples, km."""
     km = float(run.system.units.length.to(u.km))
     farthest = 0.0
@@ -316,7 +316,7 @@ def _planets_at_their_barycentres(numbers: Mapping[str, int], grid: _Grid) -> li
     ]
 
 
-def _comments(run: Trajectory, numbers: Mapping[str, int], centre: str | None, tolerance_km: float) -> list[str]:
+def _comments(run: Run, numbers: Mapping[str, int], centre: str | None, tolerance_km: float) -> list[str]:
     steps = f"dt = {abs(run.step)!r} {run.system.units.time}"
     if isinstance(run.clock, ChangingSteps):
         steps = run.clock.describe(run.integrator)

@@ -49,6 +49,8 @@ class FromCatalogues:
         """Return Sun and planets of JPL's DE440 with the bodies of a catalogue, at the catalogue's epoch.
 
             System.from_catalogue(orbits.asteroids(1000))
+            System.from_catalogue(orbits.read_mpcorb("MPCORB.DAT.gz", brighter_than=12))
+            System.from_catalogue(orbits.read_sbdb("sbdb_query_results.csv"))
 
         catalogue : as returned by `asteroids`, `read_mpcorb` or `read_sbdb`
         bodies : as in `solar_system`; "Sun" must be among them
@@ -71,64 +73,6 @@ class FromCatalogues:
         system = planets.add_particles(catalogue, propagate_to_epoch=propagate_to_epoch, massive=massive)
         moves = massive and not is_about_ssb(origin)
         return system.barycentric() if moves else system  # type: ignore[no-any-return]
-
-    @classmethod
-    def from_mpcorb(
-        cls,
-        source: Any,
-        *,
-        bodies: Sequence[str] | None = None,
-        epoch: Any = None,
-        propagate_to_epoch: bool = False,
-        origin: str = "barycentre",
-        **choice: Any,
-    ) -> Self:
-        """Return Sun and planets of DE440 with minor planets of MPCORB.DAT, or of lines of it, as massless particles.
-
-            System.from_mpcorb("MPCORB.DAT.gz", brighter_than=12)
-
-        source, choice : arguments of `read_mpcorb`: count, names, numbers, classes, brighter_than, errors
-        bodies, epoch, propagate_to_epoch, origin : as in `from_catalogue`
-
-        Raises as `read_mpcorb` and `from_catalogue` do.
-        """
-        return cls.from_catalogue(
-            ephemeris.read_mpcorb(source, **choice),
-            bodies=bodies,
-            epoch=epoch,
-            propagate_to_epoch=propagate_to_epoch,
-            origin=origin,
-        )
-
-    @classmethod
-    def from_sbdb(
-        cls,
-        source: Any,
-        *,
-        bodies: Sequence[str] | None = None,
-        epoch: Any = None,
-        propagate_to_epoch: bool = False,
-        massive: bool = False,
-        origin: str = "barycentre",
-        **choice: Any,
-    ) -> Self:
-        """Return Sun and planets of DE440 with asteroids and comets of JPL's Small-Body Database.
-
-            System.from_sbdb("sbdb_query_results.csv")
-
-        source, choice : arguments of `read_sbdb`: count, names, numbers, classes, brighter_than, errors
-        bodies, epoch, propagate_to_epoch, massive, origin : as in `from_catalogue`
-
-        Raises as `read_sbdb` and `from_catalogue` do.
-        """
-        return cls.from_catalogue(
-            ephemeris.read_sbdb(source, **choice),
-            bodies=bodies,
-            epoch=epoch,
-            propagate_to_epoch=propagate_to_epoch,
-            massive=massive,
-            origin=origin,
-        )
 
     def add_particles(self, catalogue: Catalogue, *, propagate_to_epoch: bool = False, massive: bool = False) -> Self:
         """Return this system with the bodies of a catalogue as massless particles around its body "Sun".

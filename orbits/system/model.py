@@ -52,7 +52,7 @@ class Modelled:
         """Return this system with more terms in its Lagrangian; `replaced(terms=())` removes them.
 
             pole = (286.13, 63.87) * u.deg
-            system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=pole))
+            system.with_terms(orbits.terms.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=pole))
 
         Raises InputError, naming the term, for objects that are not terms, invalid numbers or units, a body without
         mass, and a second term of one kind for one body; UnknownNameError for an unknown body.
@@ -63,7 +63,7 @@ class Modelled:
     def with_forces(self, *forces: Force) -> Self:
         """Return this system with more forces that have no Lagrangian; `replaced(forces=())` removes them.
 
-            system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
+            system.with_forces(orbits.terms.Drag(rate=1e-6 / u.yr, bodies=["Ceres"]))
 
         Raises InputError and UnknownNameError as `with_terms` does.
         """
@@ -76,7 +76,7 @@ class Modelled:
 
             moon = orbits.RigidBody(shape=(180, 133, 103) * u.km, attitude="Saturn")
             run = orbits.propagate(system.with_rigid("Hyperion", moon), dt="1 h", duration="30 yr")
-            run.attitude("Hyperion")
+            run.rotation.attitude("Hyperion")
 
         The second degree of their gravity acts between all bodies: its torques turn them, and it moves the others and
         themselves. What it is between two rigid bodies, both at once, is of the fourth order in their size over their
@@ -117,7 +117,7 @@ def checked_terms(terms: Any, names: Sequence[str], gm: Array, units: UnitSystem
     from orbits.lagrangians.terms.base import Term
 
     found: list[Term] = []
-    for term in _each(terms, Term, "a term, such as orbits.ZonalHarmonics(...)", "terms"):
+    for term in _each(terms, Term, "a term, such as orbits.terms.ZonalHarmonics(...)", "terms"):
         kind = type(term).__name__
         named = {name: _massive(getattr(term, name), name, kind, names, gm) for name in term.others}
         if not term.of_several:
@@ -161,7 +161,7 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
     from orbits.forces.central import CentralForce
 
     found: list[Force] = []
-    for force in _each(forces, Force, "a force, such as orbits.Drag(...)", "forces"):
+    for force in _each(forces, Force, "a force, such as orbits.terms.Drag(...)", "forces"):
         kind, bodies = type(force).__name__, force.bodies
         if bodies is not None:
             given = [bodies] if isinstance(bodies, str) else bodies

@@ -13,6 +13,7 @@ from orbits.body_names import checked_names, index_of, place_of
 from orbits.elements import FRAMES, default_frame
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import Labelled, Tabular
+from orbits.former_names import Renamed
 from orbits.point_masses import PointMasses
 from orbits.system import model, new_bodies, state_checks
 from orbits.system.body import Bodies, Body
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
+class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
     """Bodies at one time: names, GM, positions, velocities. An immutable, picklable value.
 
     names : n different strings of 1 to 128 printable characters
@@ -44,6 +45,11 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
     radii : (n,) radii of the bodies, or None
     softening : eps in the potential -gm/sqrt(r^2 + eps^2), a length >= 0
     terms, forces : what acts besides Newtonian gravity; see `with_terms` and `with_forces`
+
+    For example a star and a massless planet on a circular orbit, as pure numbers::
+
+        System(["star", "planet"], gm=[1, 0], q=[[0, 0, 0], [1, 0, 0]], v=[[0, 0, 0], [0, 1, 0]],
+               units=orbits.DIMENSIONLESS)
 
     Values are quantities in any suitable unit; plain numbers are in the units of the system. They are stored as float64
     in those units, exactly if no conversion is needed.
@@ -95,28 +101,6 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular):
             object.__setattr__(self, attribute, value)
 
     # -------------------------------------------------------------------------------------------------- constructors
-
-    @classmethod
-    def from_states(
-        cls,
-        names: Sequence[str],
-        gm: Any,
-        q: Any,
-        v: Any,
-        *,
-        epoch: Any = None,
-        units: UnitSystem = SOLAR,
-        radii: Any = None,
-        softening: Any = 0.0,
-    ) -> Self:
-        """Return the system with these positions and velocities; arguments and errors are those of `System` itself.
-
-        For example a star and a massless planet on a circular orbit, as pure numbers::
-
-            System.from_states(["star", "planet"], gm=[1, 0], q=[[0, 0, 0], [1, 0, 0]], v=[[0, 0, 0], [0, 1, 0]],
-                               units=orbits.DIMENSIONLESS)
-        """
-        return cls(names, gm, q, v, epoch=epoch, units=units, radii=radii, softening=softening)
 
     @classmethod
     def from_elements(

@@ -21,7 +21,7 @@ from orbits.time_grid.step_length import step_length
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
-    from orbits.system import System
+    from orbits.protocols import State
 
 Array = NDArray[np.float64]
 
@@ -78,7 +78,7 @@ class TimeGrid:
         object.__setattr__(self, "end", end)
 
     @classmethod
-    def of(cls, system: System, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101) -> TimeGrid:
+    def of(cls, system: State, dt: Any, *, duration: Any = None, until: Any = None, samples: Any = 101) -> TimeGrid:
         """Return the grid of a run of `system`: the one place where dt is read, signed and rounded.
 
         dt, duration, until, samples : as in `orbits.propagate`; dt None means `Adaptive()`
@@ -157,7 +157,7 @@ class TimeGrid:
         """Return whether both have the same step, the same samples and the same end, to the last bit."""
         return self.clock == other.clock and np.array_equal(self.goals, other.goals) and len(self) == len(other)
 
-    def with_step(self, system: System, dt: Any, what: str = "dt") -> TimeGrid:
+    def with_step(self, system: State, dt: Any, what: str = "dt") -> TimeGrid:
         """Return the same samples with another step, as in `of`; an InputError calls it `what`."""
         h = math.copysign(step_length(system, dt, self.end, what), self.direction)
         return TimeGrid(ConstantSteps(h), self.times, self.end)
@@ -166,7 +166,7 @@ class TimeGrid:
         """Return the beginning of the run: its start, and a sample after `steps` steps."""
         return TimeGrid(self.clock, np.array([0.0, self.clock.time(steps)]))
 
-    def extended(self, system: System, until: Any) -> TimeGrid:
+    def extended(self, system: State, until: Any) -> TimeGrid:
         """Return the grid up to a later time, with samples from the end on, as dense as before.
 
         until : a date or a time since the epoch of `system`, as in `orbits.propagate`
@@ -204,7 +204,7 @@ class TimeGrid:
         return self.clock.places(self.goals)
 
 
-def _length(system: System, duration: Any, until: Any) -> float:
+def _length(system: State, duration: Any, until: Any) -> float:
     """Return the length of a run in the system's unit of time; negative for backwards. One of the two is None.
 
     Raises InputError if both or none are given, and unless the length is finite and not zero.
@@ -224,7 +224,7 @@ def _length(system: System, duration: Any, until: Any) -> float:
     return value
 
 
-def _duration(system: System, duration: Any) -> float:
+def _duration(system: State, duration: Any) -> float:
     if is_date(duration):
         raise InputError(f"duration = {shown(duration)} is a date; expected how long a run is. Its end is until=...")
     if isinstance(duration, str):
@@ -239,7 +239,7 @@ def _duration(system: System, duration: Any) -> float:
     return value
 
 
-def _sample_times(system: System, samples: Any, duration: float) -> Array:
+def _sample_times(system: State, samples: Any, duration: float) -> Array:
     """Return the times of the samples in the system's unit of time, from a number that includes both ends or from
     times.
 

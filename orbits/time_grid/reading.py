@@ -18,12 +18,12 @@ from orbits.errors import EpochError, InputError, shown
 from orbits.units import UTC, as_epochs, quantity_from_text
 
 if TYPE_CHECKING:
-    from orbits.system import System
+    from orbits.protocols import State
 
 Array = NDArray[np.float64]
 
 
-def times_since(system: System, value: Any, what: str) -> Array:
+def times_since(system: State, value: Any, what: str) -> Array:
     """Return times since the epoch of `system` as float64 in its unit of time, with the shape of the argument.
 
     value : quantities or numbers since the epoch; dates: a Time, "2030-01-01" or any text that `System` takes as an
@@ -52,7 +52,7 @@ def times_since(system: System, value: Any, what: str) -> Array:
     return np.array(system.units.time_value(value, what), dtype=np.float64)
 
 
-def _from_text(system: System, text: str, what: str) -> Array:
+def _from_text(system: State, text: str, what: str) -> Array:
     """Return a text with a unit, or a date, as a time since the epoch."""
     unit = system.units.time
     dates = ', a date ("2030-01-01")' if system.units.is_physical else ""
@@ -74,7 +74,7 @@ def _from_text(system: System, text: str, what: str) -> Array:
     return np.array(system.units.time_value(found, what), dtype=np.float64)
 
 
-def _since_epoch(system: System, dates: Any, what: str) -> Array:
+def _since_epoch(system: State, dates: Any, what: str) -> Array:
     moments = as_epochs(dates, what)
     if system.epoch is None:
         raise EpochError(

@@ -15,14 +15,14 @@ from orbits.point_masses import PointMasses
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
-    from orbits.system import System
+    from orbits.protocols import State
 
 
 PAIRS_AT_ONCE = 100_000
 """The pairs of bodies whose distances are in memory at the same time."""
 
 
-def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float:
+def step_length(system: State, dt: Any, span: float, what: str = "dt") -> float:
     """Return dt > 0 in the unit of time of `system`, rounded to 24 significant bits; its sign is ignored.
 
     dt : a quantity, a number in that unit, or a text: "6 d", "P/20", where P is the shortest orbital period within
@@ -41,7 +41,7 @@ def step_length(system: System, dt: Any, span: float, what: str = "dt") -> float
     return h
 
 
-def dynamical_time(system: System) -> float:
+def dynamical_time(system: State) -> float:
     """Return the shortest dynamical time, (sum G (m + m') / r^3)^(-1/2) over all pairs, at the start; infinite for a
     single body.
     """
@@ -64,7 +64,7 @@ def dynamical_time_of(start: PointMasses) -> float:
     return rate**-0.5 if rate > 0.0 else math.inf
 
 
-def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
+def _from_text(system: State, dt: Any, span: float, what: str) -> Any:
     """Return dt, with a text such as "P/20" or "6 d" converted to a number or a quantity.
 
     Raises InputError for other texts, and for "P/..." if no bodies are bound.
@@ -88,7 +88,7 @@ def _from_text(system: System, dt: Any, span: float, what: str) -> Any:
     return period / parts
 
 
-def fastest_passage_of(system: System, span: float) -> tuple[int, int, float, float, float, float]:
+def fastest_passage_of(system: State, span: float) -> tuple[int, int, float, float, float, float]:
     """Return the result of `orbits.kernels.search.fastest_passage.fastest_passage` for a system: rows of both bodies,
     distance, speed and eccentricity of their passage, and the shortest period.
     """

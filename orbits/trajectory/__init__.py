@@ -3,7 +3,7 @@
 from orbits.trajectory.conservation import ConservedQuantities
 from orbits.trajectory.events import Events, FoundEvent
 from orbits.trajectory.excursions import Excursion, Excursions
-from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
+from orbits.trajectory.parts import BodyTrajectory, Statistics
 from orbits.trajectory.retired import RetiredParticle, RetiredParticles
 from orbits.trajectory.trajectory import Trajectory
 from orbits.trajectory.work import ForceEffect
@@ -18,7 +18,6 @@ __all__ = [
     "FoundEvent",
     "RetiredParticle",
     "RetiredParticles",
-    "Samples",
     "Statistics",
     "Trajectory",
 ]

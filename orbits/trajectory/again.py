@@ -15,36 +15,19 @@ from orbits.errors import InputError
 if TYPE_CHECKING:
     from astropy.coordinates import EarthLocation
 
-    from orbits.marching.clocks.constant import Place
     from orbits.observing import Ephemeris
-    from orbits.propagation.control.stop_conditions import Stop
-    from orbits.propagation.results.approach import Approach
-    from orbits.propagation.results.approaches import Approaches
-    from orbits.propagation.results.error_bars import ErrorBars
-    from orbits.propagation.variations.megno import Megno
-    from orbits.propagation.variations.state_transition import StateTransition
+    from orbits.protocols import March
+    from orbits.results.approach import Approach
+    from orbits.results.approaches import Approaches
+    from orbits.results.error_bars import ErrorBars
+    from orbits.results.megno import Megno
+    from orbits.results.state_transition import StateTransition
+    from orbits.results.stop import Stop
     from orbits.spk import SpkFile
     from orbits.trajectory.retired import RetiredParticles
     from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-
-class March(Protocol):
-    """An integration from the initial state of a run, with its method and its step."""
-
-    @property
-    def step(self) -> int:
-        """Whole steps taken."""
-
-    def advance_to(self, place: Place) -> Any:
-        """Take all whole steps before a place, which must not lie behind."""
-
-    def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return q and v, (bodies, 3), at a place that the march has reached, without moving on."""
-
-    def close(self) -> None:
-        """Release its resources."""
 
 
 class MarchesAgain(Protocol):
@@ -89,27 +72,27 @@ class MarchedAgain:
     it is loaded, which `orbits.Trajectory` causes."""
 
     @property
-    def last_time(self) -> float:
+    def _last_time(self) -> float:
         """The time of the last sample, in the unit of time of the system; 0 without samples."""
         run: Trajectory = self  # type: ignore[assignment]
         return float(run.times[-1]) if len(run) else 0.0
 
     @property
-    def reached(self) -> float:
+    def _reached(self) -> float:
         """The time up to which the run was marched, which may lie behind its last sample; of samples alone, the last
         time.
         """
         run: Trajectory = self  # type: ignore[assignment]
-        return self.last_time if run.span is None else run.span[1]
+        return self._last_time if run._span is None else run._span[1]
 
     @property
-    def earliest(self) -> float:
+    def _earliest(self) -> float:
         """The earliest time of which there is a state: that of the start of the run or its end, or of a sample."""
         run: Trajectory = self  # type: ignore[assignment]
-        return float(np.min(run.times, initial=self.last_time)) if run.span is None else min(run.span)
+        return float(np.min(run.times, initial=self._last_time)) if run._span is None else min(run._span)
 
     @property
-    def has_stopped(self) -> bool:
+    def _has_stopped(self) -> bool:
         """Whether an event, a condition or a callback ended the run."""
         run: Trajectory = self  # type: ignore[assignment]
         return run._stopped is not None or (run.archive is not None and run.archive.ended.how == STOPPED)
@@ -121,7 +104,7 @@ class MarchedAgain:
         From an archive the state is that of run.at, and its condition is None.
         """
         run: Trajectory = self  # type: ignore[assignment]
-        if run._stopped is None and self.has_stopped:
+        if run._stopped is None and self._has_stopped:
             run._stopped = self._marches_again("run.stopped").stopped(run)
         return run._stopped
 
@@ -176,7 +159,7 @@ class MarchedAgain:
 
         Two companions are marched from the start, at 2.4 times the cost of the run: one with steps of 0.7 times the
         length, and one whose rounding errors are others. Their differences from the run tell its error; see
-        `orbits.propagation.results.error_bars.ErrorBars`. It is that of the integration: what the model leaves out, and
+        `orbits.results.error_bars.ErrorBars`. It is that of the integration: what the model leaves out, and
         what the start is wrong by, is not in it. The result is kept with this trajectory, not in archives.
         Raises InputError for a trajectory without samples, and for one that cannot be integrated again.
         """
@@ -245,15 +228,15 @@ class MarchedAgain:
         self._marches_again("run.ephemeris")
         return ephemeris_of(run, bodies, observer, times, H=H, G=G, attributes=attributes(run.system))
 
-    def before(self, times: Array) -> tuple[Array, Array]:
+    def _before(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.before").before(run, times)
+        return self._marches_again("run.ephemeris").before(run, times)
 
-    def begun(self) -> March:
+    def _begun(self) -> March:
         """Return a march of the run from its initial state, with its method and its step."""
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.begun").begun(run)
+        return self._marches_again("run.to_spk").begun(run)
 
     def to_spk(self, path: str | PathLike[str], **options: Any) -> SpkFile:
         """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""

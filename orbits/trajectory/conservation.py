@@ -33,8 +33,8 @@ from orbits.trajectory.changes import Changes, of_bodies
 from orbits.trajectory.work import ForceEffect, accounts_of, effects
 
 if TYPE_CHECKING:
+    from orbits.protocols import Samples
     from orbits.system import System
-    from orbits.trajectory.parts import Samples
     from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -255,7 +255,7 @@ class Conservation:
         """Return what rigid bodies with mass add to a quantity, from their states at the samples."""
         run: Trajectory = self  # type: ignore[assignment]
         states = rigid_bodies().states_in(accounts_of(run), self.system)
-        return np.concatenate([function(system, q, states[block]) for block, system, q, _ in self.blocks()])
+        return np.concatenate([function(system, q, states[block]) for block, system, q, _ in self._blocks()])
 
     def _uniform_motion(self) -> diagnostics.Drift:
         """The drift of the centre of mass from its uniform motion at the start."""
@@ -289,7 +289,7 @@ class Conservation:
         values, massive = self.system.values, self.system.massive
         return inertia(self.system, values.q[massive], values.v[massive]) is not None
 
-    def blocks(self) -> Iterator[tuple[slice, System, Array, Array]]:
+    def _blocks(self) -> Iterator[tuple[slice, System, Array, Array]]:
         """Yield (samples, system, q, v) of the massive bodies block by block, so that memory stays bounded.
 
         system : at the start of the run; after mergers, one of the bodies that are there, with their masses
@@ -308,7 +308,7 @@ class Conservation:
 
     def _of_massive(self, function: Callable[[System, Array, Array, Array], Array]) -> Array:
         nothing, never = np.empty((0, int(self.system.massive.sum()), 3)), np.empty(0)
-        found = (function(system, q, v, self.times[block]) for block, system, q, v in self.blocks())
+        found = (function(system, q, v, self.times[block]) for block, system, q, v in self._blocks())
         return np.concatenate([function(self.system, nothing, nothing, never), *found])
 
     def _drift(

@@ -1,28 +1,12 @@
-"""Parts of a `Trajectory`: samples, the cost of a run, the trajectory of one body."""
+"""Parts of a `Trajectory`: the cost of a run, the trajectory of one body."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
 
-import numpy as np
 from astropy import units as u
-from numpy.typing import NDArray
 
 from orbits.system.presenting import span
-
-Array = NDArray[np.float64]
-
-
-class Samples(Protocol):
-    """States of shape (samples, bodies, 3): a NumPy array, or a data set of an archive that is read when indexed."""
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(samples, bodies, 3)."""
-
-    def __getitem__(self, index: Any) -> Array:
-        """Return some of the samples."""
 
 
 @dataclass(frozen=True)

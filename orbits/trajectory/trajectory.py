@@ -17,6 +17,7 @@ from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers, place_in
 from orbits.errors import ArchiveError, InputError, shown, with_unit
 from orbits.export import Labelled, Tabular, html_pairs
+from orbits.former_names import Renamed
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.clocks.variable_steps import ChangingSteps
@@ -26,14 +27,13 @@ from orbits.system.new_bodies import primary_name
 from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import changes_of, identity_of, made_by
-from orbits.trajectory.attitudes import Attitudes
 from orbits.trajectory.changes import Changes, Legs, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.excursions import Excursions
-from orbits.trajectory.parts import BodyTrajectory, Samples, Statistics
+from orbits.trajectory.parts import BodyTrajectory, Statistics
 from orbits.trajectory.retired import RetiredParticles, absent, moved
-from orbits.trajectory.spins import Spins
+from orbits.trajectory.rotation import Rotation
 from orbits.trajectory.work import accounts_of
 from orbits.units import date_text, written
 
@@ -45,14 +45,15 @@ if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
     from orbits.marching.legs.record import Record
     from orbits.marching.stepping.kept_steps import KeptSteps
-    from orbits.propagation.control.stop_conditions import Stop
-    from orbits.propagation.results.error_bars import ErrorBars
+    from orbits.protocols import Samples
+    from orbits.results.error_bars import ErrorBars
+    from orbits.results.stop import Stop
     from orbits.trajectory.again import MarchesAgain
 
 Array = NDArray[np.float64]
 
 
-class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
+class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
     """The samples of a run.
 
     system : the initial state, which also determines names, GM, units and epoch
@@ -71,9 +72,6 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     kept : the states at the beginnings of all steps (see `orbits.marching.stepping.kept_steps`), or None
     again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
         `orbits.propagation`
-
-    span : the times from and up to which the run was marched, since the epoch, in the unit of time; None for samples
-        alone, as those of run[10:20]
 
     run.t, run.q, run.v have units; run["Ceres"] is the trajectory of one body, run[-1] the `System` at the last sample,
     run[10:20] a `Trajectory` of some of the samples. Massless particles that could not be integrated any further are
@@ -123,19 +121,19 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         self.path = path
         self._place = None if path is None else os.path.abspath(path)
         self.certificate = certificate
-        self.span: tuple[float, float] | None = None
+        self._span: tuple[float, float] | None = None
         self._stopped = stopped
         self.archive: Archive | None = None
-        self.record = record
-        self.passages: Any = None
+        self._record = record
+        self._passages: Any = None
         self.error_bars: ErrorBars | None = None
         self._again = self.marched_again_by if again is None else again
         self._retired = retired
         self._events: Events | None = None
         self._excursions: Excursions | None = None
-        self.accounts = accounts
+        self._accounts = accounts
         self.changes: Changes | None = None
-        self.kept = kept
+        self._kept = kept
         self._q, self._v, self._close = q, v, close
 
     @classmethod
@@ -185,8 +183,8 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         run.archive = archive
         run.changes = changes_of(archive)
         if run.changes is not None and run.changes.begin_legs:
-            run.kept = None  # steps are of the bodies of the start
-        run.span = 0.0, archive.reached
+            run._kept = None  # steps are of the bodies of the start
+        run._span = 0.0, archive.reached
         return run
 
     def close(self) -> None:
@@ -203,6 +201,17 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     def t(self) -> u.Quantity:
         """Times since the epoch, shape (n,)."""
         return u.Quantity(self.times, self.system.units.time)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The times from and up to which `run.at` answers, since the epoch, in the unit of time: of the start of the
+        run and of its end, which may lie behind its last sample; of samples alone, as those of run[10:20], the first
+        and the last, and 0 without any.
+        """
+        if self._span is not None:
+            return self._span
+        first, last = (float(self.times.min()), float(self.times.max())) if len(self) else (0.0, 0.0)
+        return (first, last) if self.clock.direction > 0.0 else (last, first)
 
     @property
     def epochs(self) -> Time:
@@ -270,6 +279,11 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         if self._excursions is None:
             self._excursions = Excursions.in_archive(self)
         return self._excursions
+
+    @property
+    def rotation(self) -> Rotation:
+        """How rigid bodies, and those with `Tides`, turn: attitudes, angular velocities, obliquities, librations."""
+        return Rotation(self)
 
     @property
     def legs(self) -> tuple[Legs, ...]:
@@ -394,19 +408,19 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             times = self.times[samples]
         except (TypeError, ValueError) as error:
             raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
-        some = self.with_samples(
+        some = self._with_samples(
             times, _as_array(self._q)[samples], _as_array(self._v)[samples], certificate=self.certificate
         )
-        some.accounts = self._own_accounts()
-        some.accounts = None if some.accounts is None else some.accounts[samples]
+        some._accounts = self._own_accounts()
+        some._accounts = None if some._accounts is None else some._accounts[samples]
         return some
 
     def _own_accounts(self) -> Array | None:
         """What forces did up to each sample, also of an archive, or None where it is not known."""
-        known = self.accounts is not None or self.archive is not None
+        known = self._accounts is not None or self.archive is not None
         return accounts_of(self) if known and self.system.forces else None
 
-    def with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
+    def _with_samples(self, times: Array, q: Array, v: Array, *, certificate: Certificate | None = None) -> Trajectory:
         """Return other states of the same run as a trajectory: times (n,), q and v (n, bodies, 3), floats."""
         other = Trajectory(
             self.system,
@@ -418,7 +432,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             certificate=certificate,
             again=self._again,
             retired=self.retired,
-            kept=self.kept,
+            kept=self._kept,
         )
         other.changes, other._events = self.changes, self.events.between(other.times)
         other._excursions = self.excursions
@@ -442,13 +456,13 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         found = labelled_run(self.system, self.times, *samples, bodies, known, over)
         if not self.system.rigid or self._own_accounts() is None:
             return found
-        return replace(found, variables={**found.variables, **self._labelled_attitudes(found.names)})
+        return replace(found, variables={**found.variables, **self.rotation.labelled(found.names)})
 
     def __reduce__(self) -> Any:
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
-        known: dict[str, Any] = {"_stopped": self.stopped, "span": self.span, "record": self.record}
+        known: dict[str, Any] = {"_stopped": self.stopped, "_span": self._span, "_record": self._record}
         known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
         known |= {"_excursions": self.excursions}
         return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
@@ -456,7 +470,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
         known: dict[str, Any] = {"_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
-        known |= {"accounts": self._own_accounts()}
+        known |= {"_accounts": self._own_accounts()}
         return {**vars(self), **known, "archive": None, "_close": None}
 
     def _repr_html_(self) -> str:
@@ -474,8 +488,8 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
             pairs |= {"excursions": f"{self.excursions.total:,}"}
         if self.statistics is not None:
             pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
-        if self.kept is not None:
-            pairs |= {"dense output": f"from {len(self.kept):,} states"}
+        if self._kept is not None:
+            pairs |= {"dense output": f"from {len(self._kept):,} states"}
         if self.certificate is not None:
             pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
         return html_pairs(repr(self), pairs.items())
@@ -488,8 +502,8 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         lost = f" ({lost})" if lost else ""
         bodies = f"{len(self.names)} bod{'y' if len(self.names) == 1 else 'ies'}"
         what = f"{bodies}{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
-        if self.reached != self.last_time and (self.complete or self.has_stopped):
-            what += f" of a run to {with_unit(f'{self.reached:.6g}', self.system.units.time)}"
+        if self._reached != self._last_time and (self.complete or self._has_stopped):
+            what += f" of a run to {with_unit(f'{self._reached:.6g}', self.system.units.time)}"
         if count := self.excursions.total:
             what += f", {count:,} excursion{'s' * (count > 1)} from the map"
         return f"Trajectory({what}; {self.made_by}{state}{where})"
@@ -498,10 +512,10 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         """Return how many massive bodies are gone by the end of the run, or the last of these samples."""
         if self.changes is None:
             return 0
-        end = self.changes.bodies_at(self.last_time if self.span is None else self.span[1])
+        end = self.changes.bodies_at(self._last_time if self._span is None else self._span[1])
         return int((self.system.massive & ~end.present).sum())
 
-    def sample(self, k: int) -> tuple[Array, Array]:
+    def _sample(self, k: int) -> tuple[Array, Array]:
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
         return self._q[k], self._v[k]
 

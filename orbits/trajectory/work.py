@@ -52,7 +52,7 @@ def accounts_of(run: Trajectory) -> Array:
     count = len(run.system.forces)
     if not count:
         return np.zeros((len(run), 0, 7))
-    found: Any = run.accounts
+    found: Any = run._accounts
     if found is None and run.archive is not None:
         found = run.archive.checkpoint().get("accounts")
     if found is None:

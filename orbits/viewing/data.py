@@ -96,7 +96,7 @@ class ViewData:
         system = run.system
         self.total = len(run) if run.archive is None else len(run.archive.times)
         self._identity = identity_of(run, 1)
-        there = np.asarray(np.isfinite(run.sample(len(run) - 1)[0]).all(axis=1))
+        there = np.asarray(np.isfinite(run._sample(len(run) - 1)[0]).all(axis=1))
         whole = Layout.of(system, there)
         self.thinning = Thinning.of(whole, self.total, limit)
         self.layout = Layout.of(system, there, self.thinning.points)
@@ -174,7 +174,7 @@ class ViewData:
         points = np.empty((count, 2, len(self.layout.points), 3), dtype=np.float32)
         root, light = self.layout.bodies[0], list(self.layout.points)
         for k, row in enumerate(rows):
-            for part, states in enumerate(run.sample(int(row))):
+            for part, states in enumerate(run._sample(int(row))):
                 seen = to_frame(states, self._frame)
                 bodies[k, part] = relative(self.layout, seen)
                 points[k, part] = seen[light] - seen[root]
@@ -199,8 +199,8 @@ class ViewData:
         """Return the relative changes of energy and angular momentum since the start of a run, at some samples; none of
         what is not conserved.
         """
-        some = run.with_samples(run.times[rows], *_states(run, rows))
-        some.accounts = accounts_of(run)[rows]  # the spins of rigid bodies are among them
+        some = run._with_samples(run.times[rows], *_states(run, rows))
+        some._accounts = accounts_of(run)[rows]  # the spins of rigid bodies are among them
         found = []
         for (name, scale), kept in zip(self._scales.items(), some.conserved()[:2], strict=True):
             if not math.isnan(scale):
@@ -225,7 +225,7 @@ class ViewData:
 
 def _states(run: Trajectory, rows: Iterable[int]) -> tuple[Array, Array]:
     """Return positions and velocities at some samples, (n, bodies, 3)."""
-    pairs = [run.sample(int(row)) for row in rows]
+    pairs = [run._sample(int(row)) for row in rows]
     shape = (0, len(run.names), 3)
     return tuple(np.array([pair[part] for pair in pairs]) if pairs else np.empty(shape) for part in (0, 1))  # type: ignore[return-value]
 

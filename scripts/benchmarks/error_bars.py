@@ -161,7 +161,7 @@ def ways(rng: Any, case: Drawn) -> Iterator[tuple[str, Any, Any]]:
     elif pick == 4:
         yield CONSTANT, orbits.StormerVerlet(), passage / rng.uniform(50.0, 1000.0)
     else:
-        yield CONSTANT, orbits.Composition(order=int(rng.choice([4, 6, 8]))), passage / rng.uniform(15.0, 60.0)
+        yield CONSTANT, orbits.methods.Composition(order=int(rng.choice([4, 6, 8]))), passage / rng.uniform(15.0, 60.0)
 
 
 class Quadruple:

@@ -90,7 +90,7 @@ def _row(what: str, newton: float | None, more: float) -> dict[str, Any]:
 
 def _forces(system: orbits.System, repetitions: int) -> list[dict[str, Any]]:
     """Return rows of the forces, and of the march."""
-    relativistic = system.with_terms(orbits.PostNewtonian())
+    relativistic = system.with_terms(orbits.terms.PostNewtonian())
     bodies, (_, q, v, _) = len(system.names), system.values
     newton, more = model(system), model(relativistic)
     Q, V, hours, *out = aligned(*[(3 * bodies, WIDTH)] * 6)
@@ -159,7 +159,7 @@ def _run(system: orbits.System, duration: str) -> float:
 def _maps(repetitions: int) -> list[dict[str, Any]]:
     """Return rows of Wisdom–Holman maps."""
     plain = _ten(9)
-    by_sun = plain.with_terms(orbits.PostNewtonian(sources=["Sun"]))
+    by_sun = plain.with_terms(orbits.terms.PostNewtonian(sources=["Sun"]))
     rows = []
     for name in ("WisdomHolman, standard, no corrector", "WisdomHolman, lazy kick, corrector 17"):
         runs = [_marcher(system, MAPS[name]) for system in (plain, by_sun)]

@@ -29,7 +29,7 @@ OURS = {
     "WisdomHolman, standard, no corrector": orbits.WisdomHolman(kernel="standard", corrector=0),
     "WisdomHolman, modified kick, corrector 17": orbits.WisdomHolman(),
     "WisdomHolman, lazy kick, corrector 17": orbits.WisdomHolman(kernel="lazy"),
-    "SABA(10, 6, 4)": orbits.SABA(),
+    "SABA(10, 6, 4)": orbits.methods.SABA(),
 }
 
 THEIRS: dict[str, tuple[str, dict[str, Any]]] = {

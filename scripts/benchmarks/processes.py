@@ -78,7 +78,7 @@ speed = np.sqrt(orbits.SOLAR.G / a)
 q = np.column_stack([a * np.cos(f), a * np.sin(f), 0 * a])
 v = np.column_stack([-speed * np.sin(f), speed * np.cos(f), 0 * a])
 x = s.values
-big = orbits.System.from_states(
+big = orbits.System(
     [*s.names, *(f"p{k}" for k in range(n))], np.append(x.gm, np.zeros(n)), np.vstack([x.q, q]), np.vstack([x.v, v]),
     epoch=s.epoch, units=orbits.SOLAR)
 run = orbits.propagate(big, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * 9999 * u.day, samples=10_000,

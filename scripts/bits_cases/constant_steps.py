@@ -16,6 +16,8 @@ import orbits
 from bits_cases.facts import Case, approaches, states
 from bits_cases.systems import asteroids, jupiter_crossers, many_bodies, mixed, planets, pythagorean, star_alone
 from bits_cases.ways import QUIET
+from orbits.events import CloserThan, EnergyErrorAbove, FartherThan
+from orbits.methods import VPRK, Composition, ImplicitMidpoint, LobattoIIIAB, LobattoIIIBA, RungeKutta4
 
 ORDERS = (4, 6, 8, 10)
 
@@ -33,21 +35,21 @@ def wide() -> list[Any]:
 def chains() -> list[Any]:
     """Return Störmer–Verlet with every scheme of every order."""
     base = orbits.StormerVerlet()
-    return [orbits.Composition(base, n, name) for n in ORDERS for name in orbits.Composition.schemes(base, n)]
+    return [Composition(base, n, name) for n in ORDERS for name in Composition.schemes(base, n)]
 
 
 def default_chains() -> list[Any]:
     """Return Störmer–Verlet with the default scheme of every order."""
-    return [orbits.Composition(order=order) for order in ORDERS]
+    return [Composition(order=order) for order in ORDERS]
 
 
 def composed() -> list[Any]:
     """Return compositions of methods other than Störmer–Verlet."""
-    of_midpoint = [orbits.Composition(orbits.ImplicitMidpoint(), order) for order in ORDERS]
-    symmetric = [method for method in orbits.VPRK.examples() if "symmetric" in method.declares]
-    of_pairs = [orbits.Composition(method, order, "suzuki") for method in symmetric for order in (4, 6)]
-    fourth = [orbits.Gauss(stages=2), orbits.LobattoIIIAB(stages=3), orbits.LobattoIIIBA(stages=3)]
-    of_fourth = [orbits.Composition(base, 6, name) for base in fourth for name in ("suzuki", "triple-jump")]
+    of_midpoint = [Composition(ImplicitMidpoint(), order) for order in ORDERS]
+    symmetric = [method for method in VPRK.examples() if "symmetric" in method.declares]
+    of_pairs = [Composition(method, order, "suzuki") for method in symmetric for order in (4, 6)]
+    fourth = [orbits.Gauss(stages=2), LobattoIIIAB(stages=3), LobattoIIIBA(stages=3)]
+    of_fourth = [Composition(base, 6, name) for base in fourth for name in ("suzuki", "triple-jump")]
     return [*of_midpoint, *of_pairs, *of_fourth]
 
 
@@ -153,7 +155,7 @@ def cases() -> Iterator[Case]:
 
 def massive_cases() -> Iterator[Case]:
     """Massive bodies alone, there and back, samples on and off the grid of steps; long runs; steps that fail."""
-    of_wide = [orbits.Composition(orbits.Gauss(stages=12), 26, "suzuki")]
+    of_wide = [Composition(orbits.Gauss(stages=12), 26, "suzuki")]
     for method in distinct(every_kind(), chains(), of_wide):
         for way, sign in (("forwards", 1), ("backwards", -1)):
             days = sign * np.array([0.0, 4.0, 13.7, 29.999, 30.0, 61.3])
@@ -191,7 +193,7 @@ def many_body_cases() -> Iterator[Case]:
 def march_cases() -> Iterator[Case]:
     """Every registered Lagrangian, as `orbits.march` takes it and in canonical form."""
     pairs = [method for method in composed() if method.order <= 6]
-    some = distinct(methods(), [orbits.Gauss(stages=12), orbits.Composition(order=8)], pairs)
+    some = distinct(methods(), [orbits.Gauss(stages=12), Composition(order=8)], pairs)
     for form in ("march", "canonical"):
         for name, lagrangian in sorted(orbits.lagrangians.registry().items()):
             for method in some:
@@ -218,14 +220,14 @@ def encounter_cases() -> Iterator[Case]:
             name = f"encounters/{method.label} flybys [threads={threads}]"
             yield name, partial(propagated, jupiter_crossers(), method, also=(approaches,), **options)
     conditions: dict[str, Any] = {
-        "several": [orbits.CloserThan(0.1), orbits.FartherThan(3.2), orbits.EnergyErrorAbove(1e-4)],
-        "closer": orbits.CloserThan(0.4),
-        "closer by name": orbits.CloserThan(0.9, "a", "C"),
-        "farther": orbits.FartherThan(5.2),
-        "farther by name": orbits.FartherThan(2.5, "b", "B"),
-        "energy": orbits.EnergyErrorAbove(1e-9),
+        "several": [CloserThan(0.1), FartherThan(3.2), EnergyErrorAbove(1e-4)],
+        "closer": CloserThan(0.4),
+        "closer by name": CloserThan(0.9, "a", "C"),
+        "farther": FartherThan(5.2),
+        "farther by name": FartherThan(2.5, "b", "B"),
+        "energy": EnergyErrorAbove(1e-9),
     }
-    few = [orbits.StormerVerlet(), orbits.Gauss(stages=4), orbits.Composition(order=6), orbits.RungeKutta4()]
+    few = [orbits.StormerVerlet(), orbits.Gauss(stages=4), Composition(order=6), RungeKutta4()]
     for word, stop in conditions.items():
         for method in every_kind() if word == "several" else few:
             options = {"dt": 1 / 128, "duration": 1.75, "samples": [0.1, 0.7, 1.515, 1.75], "stop": stop}

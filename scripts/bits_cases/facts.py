@@ -65,7 +65,7 @@ def happenings(run: Any) -> Facts:
     found |= tabled("excursions", run.excursions.to_table()) | stopped(run)
     try:
         return found | approaches(run)
-    except orbits.InputError:  # of bodies that merged, or were changed
+    except orbits.errors.InputError:  # of bodies that merged, or were changed
         return {**found, "closest": "refused"}
 
 
@@ -79,8 +79,8 @@ def turning(run: Any) -> Facts:
     """Return attitudes and spins at the samples, of the bodies that have them."""
     found: Facts = {}
     for name in run.names:
-        for quantity in (run.attitude, run.spin):
-            with suppress(orbits.InputError):
+        for quantity in (run.rotation.attitude, run.rotation.spin):
+            with suppress(orbits.errors.InputError):
                 found[f"{quantity.__name__} of {name}"] = np.asarray(getattr(value := quantity(name), "value", value))
     return found
 

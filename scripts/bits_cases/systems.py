@@ -190,7 +190,7 @@ def in_ephemeris(asteroids: int) -> Any:
     """Return small bodies in the field of DE440, with asteroids of a package, which may be missing."""
     try:
         field = orbits.System.in_ephemeris("de440", epoch="2022-08-09", asteroids=asteroids)
-    except orbits.InputError as error:
+    except orbits.errors.InputError as error:
         if "is not installed" in str(error):
             raise Skipped(str(error)) from error
         raise

@@ -14,12 +14,45 @@ import orbits
 from bits_cases import systems
 from bits_cases.facts import Case, Facts
 from bits_cases.ways import QUIET, compared, facts, in_all_ways
+from orbits.events import (
+    Apocentre,
+    Bounce,
+    CloseApproach,
+    CloserThan,
+    Collision,
+    Conjunction,
+    Ejection,
+    ElementCrossing,
+    EnergyErrorAbove,
+    Event,
+    FartherThan,
+    Merge,
+    NodeCrossing,
+    Pericentre,
+    PlaneCrossing,
+)
+from orbits.methods import Composition, ImplicitMidpoint, LobattoIIIAB
+from orbits.terms import (
+    Damping,
+    DegreeTwo,
+    Drag,
+    FrameDragging,
+    GasDrag,
+    MassLoss,
+    MinorBodies,
+    NobiliRoxburgh,
+    NonGravitational,
+    PostNewtonian,
+    RadiationPressure,
+    Tides,
+    ZonalHarmonics,
+)
 
-GAUSS, VERLET, CHAIN = orbits.Gauss(stages=8), orbits.StormerVerlet(), orbits.Composition(order=6)
+GAUSS, VERLET, CHAIN = orbits.Gauss(stages=8), orbits.StormerVerlet(), Composition(order=6)
 MAP, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)
-HELIOCENTRIC, SABA = orbits.WisdomHolman(coordinates="democratic-heliocentric"), orbits.SABA()
+HELIOCENTRIC, SABA = orbits.WisdomHolman(coordinates="democratic-heliocentric"), orbits.methods.SABA()
 METHODS = {"Gauss": GAUSS, "kicks": VERLET, "chain": CHAIN, "map": MAP, "SABA": SABA}
-MERGE, BOUNCE = orbits.Collision(then=orbits.Merge()), orbits.Collision(then=orbits.Bounce(0.8))
+MERGE, BOUNCE = Collision(then=Merge()), Collision(then=Bounce(0.8))
 POLE = (0.36, 0.48, 0.8)
 
 Options = dict[str, Any]
@@ -59,7 +92,7 @@ def clocks() -> Iterator[Row]:
             yield f"adaptive, {stages} stages, {name}", partial(systems.asteroids, 11), method, options
     yield "adaptive, flybys", systems.jupiter_crossers, GAUSS, {"duration": 60 * u.day}
     yield "adaptive, softened", partial(systems.pythagorean, 0.05), GAUSS, {"duration": 1.75}
-    for method in (GAUSS, orbits.Gauss(stages=2), orbits.LobattoIIIAB(stages=3), orbits.ImplicitMidpoint(), VERLET):
+    for method in (GAUSS, orbits.Gauss(stages=2), LobattoIIIAB(stages=3), ImplicitMidpoint(), VERLET):
         for way, duration in (("forwards", 20.0), ("backwards", -20.0)):
             options = {"dt": orbits.TimeTransformed(0.3), "duration": duration}
             yield f"transformed, {method.label}, {way}", systems.eccentric, method, options
@@ -72,17 +105,17 @@ def alignment(t: Any, q: Any, v: Any) -> Any:
 
 
 EVENTS = {
-    "pericentre": orbits.Pericentre("p"),
-    "apocentre": orbits.Apocentre("inner"),
-    "node": orbits.NodeCrossing("s"),
-    "plane": orbits.PlaneCrossing("outer", POLE, about="planet"),
-    "approach": orbits.CloseApproach("p"),
-    "closer": orbits.CloserThan(1.1, "p", "planet"),
-    "farther": orbits.FartherThan(1.9, "s", "planet"),
-    "element": orbits.ElementCrossing("p", "f", 1.0),
-    "ejection": orbits.Ejection(3.0),
-    "conjunction": orbits.Conjunction("inner", "outer", observer="planet"),
-    "own": orbits.Event(alignment, name="alignment"),
+    "pericentre": Pericentre("p"),
+    "apocentre": Apocentre("inner"),
+    "node": NodeCrossing("s"),
+    "plane": PlaneCrossing("outer", POLE, about="planet"),
+    "approach": CloseApproach("p"),
+    "closer": CloserThan(1.1, "p", "planet"),
+    "farther": FartherThan(1.9, "s", "planet"),
+    "element": ElementCrossing("p", "f", 1.0),
+    "ejection": Ejection(3.0),
+    "conjunction": Conjunction("inner", "outer", observer="planet"),
+    "own": Event(alignment, name="alignment"),
 }
 
 
@@ -97,7 +130,7 @@ def events() -> Iterator[Row]:
     for word, method in METHODS.items():
         options = {"dt": 1 / 16, "duration": 12.5, "events": [*EVENTS.values()]}
         yield f"all kinds, {word}", systems.satellites, method, options
-    for word, stop in {"closer": orbits.CloserThan(0.4), "energy": orbits.EnergyErrorAbove(1e-13)}.items():
+    for word, stop in {"closer": CloserThan(0.4), "energy": EnergyErrorAbove(1e-13)}.items():
         for label, dt in (("constant", 1 / 128), ("adaptive", None)):
             options = {"dt": dt, "duration": 1.25, "stop": stop, "killed": False}
             yield f"stop={word}, {label}", partial(systems.pythagorean, 0.0), GAUSS, options
@@ -147,12 +180,12 @@ def collisions() -> Iterator[Row]:
         for way, method, dt in (("constant", GAUSS, 1 / 32), ("adaptive", GAUSS, None), ("kicks", VERLET, 1 / 128)):
             options: Options = {"dt": dt, "duration": 6.25, "events": event}
             yield f"disc, {label}, {way}", systems.disc, method, options
-            several = {**options, "events": [event, orbits.NodeCrossing("p0"), orbits.CloseApproach(within=0.1)]}
+            several = {**options, "events": [event, NodeCrossing("p0"), CloseApproach(within=0.1)]}
             yield f"disc, {label}, with events, {way}", systems.disc, method, several
     yield "disc, merge, map", systems.disc, MAP, {"dt": 1 / 32, "duration": 6.25, "events": MERGE}
 
 
-COLLISIONS = {"merge": MERGE, "bounce": BOUNCE, "stop": orbits.Collision(then="stop"), "record": orbits.Collision()}
+COLLISIONS = {"merge": MERGE, "bounce": BOUNCE, "stop": Collision(then="stop"), "record": Collision()}
 
 
 def long_steps() -> Iterator[Row]:
@@ -180,34 +213,34 @@ def maps() -> Iterator[Row]:
                 numbers: Options = {"dt": 1 / 16, "duration": 25.0}
                 yield f"crossing, {label}", systems.crossing_planets, method, numbers
     follow = replace(MAP, encounters="follow", planets="follow")
-    seen: Options = {"dt": 1 / 16, "duration": 12.5, "events": [orbits.Pericentre("p"), orbits.CloseApproach("a", "b")]}
+    seen: Options = {"dt": 1 / 16, "duration": 12.5, "events": [Pericentre("p"), CloseApproach("a", "b")]}
     yield "crossing, events, followed", systems.crossing_planets, follow, seen
-    acts = [orbits.Pericentre("p", then=kick)]
+    acts = [Pericentre("p", then=kick)]
     yield "crossing, acting, followed", systems.crossing_planets, follow, {**seen, "events": acts}
     lost = replace(MAP, ejected_beyond=2.5, lost_within=0.7)
     yield "crossing, lost", systems.crossing_planets, lost, {"dt": 1 / 16, "duration": 25.0}
 
 
 TERMS = {
-    "relativity": [orbits.PostNewtonian(c=10.0)],
-    "relativity of one": [orbits.PostNewtonian(sources=["planet"], c=10.0)],
-    "precession": [orbits.NobiliRoxburgh("planet", c=10.0)],
-    "J2": [orbits.ZonalHarmonics("planet", J2=0.02, radius=0.5, pole=POLE)],
-    "J2 to J4": [orbits.ZonalHarmonics("planet", J2=0.02, J3=1e-3, J4=1e-3, radius=0.5, pole=POLE)],
-    "C22": [orbits.DegreeTwo("planet", J2=0.02, C22=0.005, radius=0.5, pole=POLE, attitude="inner")],
-    "spin": [orbits.FrameDragging("planet", spin=0.1, pole=POLE, c=3.0)],
-    "minor bodies": [orbits.MinorBodies(bodies=["inner", "outer"])],
+    "relativity": [PostNewtonian(c=10.0)],
+    "relativity of one": [PostNewtonian(sources=["planet"], c=10.0)],
+    "precession": [NobiliRoxburgh("planet", c=10.0)],
+    "J2": [ZonalHarmonics("planet", J2=0.02, radius=0.5, pole=POLE)],
+    "J2 to J4": [ZonalHarmonics("planet", J2=0.02, J3=1e-3, J4=1e-3, radius=0.5, pole=POLE)],
+    "C22": [DegreeTwo("planet", J2=0.02, C22=0.005, radius=0.5, pole=POLE, attitude="inner")],
+    "spin": [FrameDragging("planet", spin=0.1, pole=POLE, c=3.0)],
+    "minor bodies": [MinorBodies(bodies=["inner", "outer"])],
 }
 TERMS["all"] = [*TERMS["relativity of one"], *TERMS["J2"], *TERMS["spin"]]
 
 FORCES = {
-    "drag": orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02)),
-    "gas": orbits.GasDrag(per_length=1e-3, r0=1.0, slope=2.5, eta=0.01, pole=POLE),
-    "light": orbits.RadiationPressure(beta=0.05, bodies=["p", "s"], c=100.0),
-    "outgassing": orbits.NonGravitational(A1=1e-4, A2=1e-5, A3=1e-6, r0=1.0, bodies=["p", "inner"]),
-    "damping": orbits.Damping(tau_a=300.0, tau_e=50.0, tau_i=100.0, pole=POLE),
-    "mass loss": orbits.MassLoss(fraction=-1e-3),
-    "tides": orbits.Tides("planet", k2=0.3, radius=0.3, lag=0.05, inertia=0.33, spin=0.5, pole=POLE, bodies=["inner"]),
+    "drag": Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02)),
+    "gas": GasDrag(per_length=1e-3, r0=1.0, slope=2.5, eta=0.01, pole=POLE),
+    "light": RadiationPressure(beta=0.05, bodies=["p", "s"], c=100.0),
+    "outgassing": NonGravitational(A1=1e-4, A2=1e-5, A3=1e-6, r0=1.0, bodies=["p", "inner"]),
+    "damping": Damping(tau_a=300.0, tau_e=50.0, tau_i=100.0, pole=POLE),
+    "mass loss": MassLoss(fraction=-1e-3),
+    "tides": Tides("planet", k2=0.3, radius=0.3, lag=0.05, inertia=0.33, spin=0.5, pole=POLE, bodies=["inner"]),
 }
 
 
@@ -256,7 +289,7 @@ def figures() -> Iterator[Row]:
     for label, method in (("default", None), ("kicks", VERLET), ("adaptive", GAUSS)):
         dt = None if method is GAUSS else 1 / 24 * u.day
         yield f"moons, {label}", systems.moons, method, {"dt": dt, "duration": 10 * u.day}
-    several: Options = {"dt": 1 / 24 * u.day, "duration": 10 * u.day, "events": orbits.CloseApproach("rock", "Titan")}
+    several: Options = {"dt": 1 / 24 * u.day, "duration": 10 * u.day, "events": CloseApproach("rock", "Titan")}
     yield "moons, events", systems.moons, None, several
 
 
@@ -286,12 +319,12 @@ def random_run(seed: int) -> Facts:
     ]
     method, dt = methods[seed % len(methods)]
     sought = [
-        orbits.Pericentre(),
-        orbits.NodeCrossing("planet 1"),
-        orbits.CloseApproach(within=0.1),
-        orbits.FartherThan(1.5, "particle 0", "star"),
-        orbits.ElementCrossing("particle 1", "f", 2.0),
-        orbits.Conjunction("planet 0", "planet 1", observer="star"),
+        Pericentre(),
+        NodeCrossing("planet 1"),
+        CloseApproach(within=0.1),
+        FartherThan(1.5, "particle 0", "star"),
+        ElementCrossing("particle 1", "f", 2.0),
+        Conjunction("planet 0", "planet 1", observer="star"),
     ]
     return in_all_ways(systems.random_system(seed), method, dt=dt, duration=12.5, events=sought, killed=seed < 16)
 

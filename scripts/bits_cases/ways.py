@@ -15,6 +15,8 @@ import numpy as np
 
 import orbits
 from bits_cases.facts import COSTS, Facts, end, happenings, states, turning
+from orbits.errors import InputError
+from orbits.events import Event
 
 QUIET: dict[str, Any] = {"check_step": False, "progress": False}
 ON_GRID = np.arange(11)
@@ -118,7 +120,7 @@ def ended_itself(path: Path) -> bool:
 def needed_again(events: Any) -> bool:
     """Whether the events of a run must be given again when it is resumed: those with functions."""
     several = events if isinstance(events, list) else [events] if events else []
-    return any(isinstance(event, orbits.Event) or callable(getattr(event.then, "act", None)) for event in several)
+    return any(isinstance(event, Event) or callable(getattr(event.then, "act", None)) for event in several)
 
 
 def facts(run: Any) -> Facts:
@@ -135,7 +137,7 @@ def compared(expected: Facts, compute: Callable[[], Facts]) -> str:
     """Return whether the quantities of another way are the same, in words; or the kind of its error."""
     try:
         found = compute()
-    except orbits.InputError:
+    except InputError:
         return "refused"
     except Exception as error:  # any other error is a broken promise
         return f"{BROKEN}: {type(error).__name__}: {error}"[:200]

@@ -20,7 +20,7 @@ def system(bodies: int = 3) -> System:
     names = [f"body {i}" for i in range(bodies)]
     gm = np.where(np.arange(bodies) < 2, 1.0, 0.0)
     q, v = rng.normal(size=(2, bodies, 3))
-    return System.from_states(names, gm, q, v, units=DIMENSIONLESS)
+    return System(names, gm, q, v, units=DIMENSIONLESS)
 
 
 def samples(count: int, bodies: int = 3, seed: int = 8) -> tuple[np.ndarray, np.ndarray]:

@@ -81,7 +81,7 @@ def systems(draw: st.DrawFn) -> System:
     units = draw(st.sampled_from(UNITS))
     n = len(names)
     row = st.tuples(NUMBERS, NUMBERS, NUMBERS)
-    return System.from_states(
+    return System(
         names,
         [draw(POSITIVE), *draw(st.lists(st.just(0.0) | POSITIVE, min_size=n - 1, max_size=n - 1))],
         draw(st.lists(row, min_size=n, max_size=n)),

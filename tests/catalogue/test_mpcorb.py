@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits.catalogue import asteroids, mpcorb, orbit_classes, read_mpcorb, unreadable
-from orbits.errors import InputError, OrbitsError, OrbitsWarning, UnknownNameError
+from orbits.errors import EpochError, InputError, OrbitsError, OrbitsWarning, UnknownNameError
 from tests.campaigns import campaign
 
 from . import lines
@@ -260,7 +260,7 @@ def test_classes_from_elements_are_those_of_the_small_body_database() -> None:
 
 
 def test_one_call_makes_a_system_at_the_epoch_of_the_elements() -> None:
-    system = orbits.System.from_mpcorb(TWO)
+    system = orbits.System.from_catalogue(orbits.read_mpcorb(TWO))
     assert system.names[-2:] == ("Ceres", "Vesta")
     assert system.epoch.mjd == 61000.0
     assert not system.massive[-2:].any()
@@ -275,7 +275,7 @@ def test_the_minor_planet_centers_ceres_is_where_jpls_goes_by_integration() -> N
     chosen = orbits.asteroids(names=["Ceres", "Vesta"])
     start = orbits.System.from_catalogue(chosen)
     run = orbits.propagate(start, orbits.Gauss(stages=8), dt=6, duration=1200.0, samples=2)
-    end = orbits.System.from_mpcorb(TWO)
+    end = orbits.System.from_catalogue(orbits.read_mpcorb(TWO))
     for name in chosen.names:
         i, j = run.names.index(name), end.index(name)
         sun = run.names.index("Sun")
@@ -287,14 +287,15 @@ def test_the_minor_planet_centers_ceres_is_where_jpls_goes_by_integration() -> N
 
 def test_epochs_that_differ_are_refused_or_carried_over_when_asked() -> None:
     text = f"{TWO}{PALLAS_2024}\n"
-    with pytest.raises(orbits.EpochError, match=r"2 epochs, MJD 60400 to 61000 TDB. Use propagate_to_epoch=True"):
-        orbits.System.from_mpcorb(text)
-    with pytest.raises(orbits.EpochError, match="MJD 59800 TDB, but the elements of 'Ceres' are of MJD 61000"):
-        orbits.System.from_mpcorb(TWO, epoch="2022-08-09")
-    assert orbits.System.from_mpcorb(text, propagate_to_epoch=True).epoch.mjd == 61000.0
-    assert orbits.System.from_mpcorb(text, propagate_to_epoch=True, epoch="2022-08-09").epoch.mjd == 59800.0
+    with pytest.raises(EpochError, match=r"2 epochs, MJD 60400 to 61000 TDB. Use propagate_to_epoch=True"):
+        orbits.System.from_catalogue(orbits.read_mpcorb(text))
+    with pytest.raises(EpochError, match="MJD 59800 TDB, but the elements of 'Ceres' are of MJD 61000"):
+        orbits.System.from_catalogue(orbits.read_mpcorb(TWO), epoch="2022-08-09")
+    both = orbits.read_mpcorb(text)
+    assert orbits.System.from_catalogue(both, propagate_to_epoch=True).epoch.mjd == 61000.0
+    assert orbits.System.from_catalogue(both, propagate_to_epoch=True, epoch="2022-08-09").epoch.mjd == 59800.0
     with pytest.raises(InputError, match="the catalogue has no bodies"):
-        orbits.System.from_mpcorb(TWO, classes="TNO")
+        orbits.System.from_catalogue(orbits.read_mpcorb(TWO, classes="TNO"))
 
 
 def test_an_empty_path_is_told_so() -> None:

@@ -140,7 +140,7 @@ def test_comets_of_every_conic_are_where_their_perihelion_puts_them(e: float, da
     row = ["C/2000 A1 (Test)", 59800.0 + days, e, 0.7, 30.0, 40.0, 50.0, 59800.0]
     comet = query(row, fields=["full_name", "epoch_mjd", "e", "q", "i", "om", "w", "tp_mjd"])
     with pytest.warns(OrbitsWarning, match="with 1 digits at most"):
-        system = orbits.System.from_sbdb(comet, bodies=["Sun"])
+        system = orbits.System.from_catalogue(orbits.read_sbdb(comet), bodies=["Sun"])
     q, v = system.q[1].to_value("au") - system.q[0].to_value("au"), system.v[1].to_value("au/d")
     r, speed = np.linalg.norm(q), np.linalg.norm(v - system.v[0].to_value("au/d"))
     # Energy and angular momentum of the orbit, at the last bits; the passage by going back to it.
@@ -151,10 +151,10 @@ def test_comets_of_every_conic_are_where_their_perihelion_puts_them(e: float, da
 
 
 def test_one_call_makes_a_system_with_masses_where_they_are_known() -> None:
-    light = orbits.System.from_sbdb(query(CERES))
+    light = orbits.System.from_catalogue(orbits.read_sbdb(query(CERES)))
     assert not light.massive[-1]
     assert light.radii[-1].to_value("km") == pytest.approx(469.7)
-    heavy = orbits.System.from_sbdb(query(CERES), massive=True)
+    heavy = orbits.System.from_catalogue(orbits.read_sbdb(query(CERES)), massive=True)
     assert heavy.gm[-1].to_value(u.km**3 / u.s**2) == pytest.approx(62.6284, rel=1e-14)
     assert np.abs(heavy.centre_of_mass().to_value("au")).max() < 1e-15
     bundled = orbits.System.from_catalogue(orbits.asteroids(names="Ceres"))
@@ -162,9 +162,10 @@ def test_one_call_makes_a_system_with_masses_where_they_are_known() -> None:
     assert np.linalg.norm((light.q[-1] - bundled.q[-1]).to_value("au")) < 1e-14
     with pytest.raises(InputError, match="no GM is known for Ceres; expected a catalogue with GM"):
         orbits.System.from_catalogue(orbits.asteroids(names="Ceres"), massive=True)
-    with pytest.raises(orbits.EpochError, match="2 epochs"):
-        orbits.System.from_sbdb(query(CERES, BORISOV))
-    both = orbits.System.from_sbdb(query(CERES, BORISOV), propagate_to_epoch=True, epoch="2022-08-09")
+    with pytest.raises(orbits.errors.EpochError, match="2 epochs"):
+        orbits.System.from_catalogue(orbits.read_sbdb(query(CERES, BORISOV)))
+    found = orbits.read_sbdb(query(CERES, BORISOV))
+    both = orbits.System.from_catalogue(found, propagate_to_epoch=True, epoch="2022-08-09")
     assert both.names[-1] == "C/2019 Q4"
 
 

@@ -40,7 +40,7 @@ EXPRESSIONS = [
     "lambda: pair", "lambda: 1/0", "lambda: {'../x': pair}", "lambda: {1: pair}", "lambda o: 1/0", "lambda o: [3]",
     "lambda o: (yield)", "lambda o: {'../a': 3}", "__import__('sys').exit(3)", "exec('raise BaseException(1)')",
     "(lambda f: f(f))(lambda f: f(f))", "{'energy': 'x'}", "{'energy': -1}", "{'nope': 1}", "['whfast', 'zz']",
-    "[orbits.Option('share', 0.5, help='a part')]", "{'share': 0.25}", "lambda options: 0.1",
+    "[orbits.scenarios.Option('share', 0.5, help='a part')]", "{'share': 0.25}", "lambda options: 0.1",
     "[orbits.StormerVerlet()] * 2", "'stormer-verlet'", "['nope']", "orbits.Gauss", "'6 d'",
 ]  # fmt: skip
 FILES = [
@@ -59,7 +59,7 @@ def elsewhere() -> Any:
         inside = Path(folder, "inside")  # what is beside it is nobody else's
         inside.mkdir()
         os.chdir(inside)
-        Path("tiny.py").write_text(HEAD + "scenario = orbits.Scenario(**given)\n")
+        Path("tiny.py").write_text(HEAD + "scenario = orbits.scenarios.Scenario(**given)\n")
         Path("no.py").write_text("1/0\n")
         Path("no.h5").write_bytes(b"no archive")
         names: dict[str, Any] = {}
@@ -119,7 +119,7 @@ def test_any_option_ends_with_an_exit_code(command: str, file: str, option: str,
 )  # fmt: skip
 def test_any_scenario_runs_or_is_refused(command: str, changes: dict[str, str]) -> None:
     arguments = ", ".join(f"{key!r}: {value}" for key, value in changes.items())
-    Path("changed.py").write_text(f"{HEAD}scenario = orbits.Scenario(**{{**given, {arguments}}})\n")
+    Path("changed.py").write_text(f"{HEAD}scenario = orbits.scenarios.Scenario(**{{**given, {arguments}}})\n")
     call([command, "changed.py", "--out", "changed"])
     assert {path.name for path in Path.cwd().parent.glob("x*")} == set()  # nothing beside the folder
 
@@ -146,10 +146,13 @@ def test_any_file_is_a_scenario_or_refused(text: bytes, name: str) -> None:
         ("raise type('E', (Exception,), {'__str__': lambda s: 1/0})()", "line 1: E: (no message)"),
         ("raise type('Own', (BaseException,), {})('stop')", "line 1: Own: stop"),
         (
-            f"{HEAD}scenario = orbits.Scenario(**{{**given, 'tolerances': None}})",
+            f"{HEAD}scenario = orbits.scenarios.Scenario(**{{**given, 'tolerances': None}})",
             "tolerances must be a mapping such as",
         ),
-        (f"{HEAD}scenario = orbits.Scenario(**{{**given, 'against': None}})", "against must be a list of peers' names"),
+        (
+            f"{HEAD}scenario = orbits.scenarios.Scenario(**{{**given, 'against': None}})",
+            "against must be a list of peers' names",
+        ),
     ],
 )
 def test_what_this_campaign_found_in_files_is_told_in_words(text: str, message: str) -> None:

@@ -49,8 +49,9 @@ def impossible(tmp_path):
     path.write_text(
         "import orbits\n"
         "bodies = {'s': {'gm': 1}, 'p': {'a': 1, 'gm': 0.001}}\n"
-        "scenario = orbits.Scenario(name='impossible', title='Impossible', integrators=[orbits.StormerVerlet()],\n"
-        "    dt=0.1, duration=1, samples=3, against=['leapfrog'], tolerances={'position': 1e-30},\n"
+        "scenario = orbits.scenarios.Scenario(name='impossible', title='Impossible',\n"
+        "    integrators=[orbits.StormerVerlet()], dt=0.1, duration=1, samples=3,\n"
+        "    against=['leapfrog'], tolerances={'position': 1e-30},\n"
         "    system=orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS))\n"
     )
     return path
@@ -209,8 +210,8 @@ def test_certify_takes_each_problem_of_a_study_once_for_a_method_that_was_asked_
         "def pair():\n"
         "    bodies = {'s': {'gm': 1}, 'p': {'a': 1, 'gm': 0.001}}\n"
         "    return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)\n"
-        "scenario = orbits.Study(name='twice', title='Twice', experiment=print,\n"
-        "    certifies=[(pair(), orbits.StormerVerlet(), 0.1), (pair(), orbits.RungeKutta4(), 0.1)])\n"
+        "scenario = orbits.scenarios.Study(name='twice', title='Twice', experiment=print,\n"
+        "    certifies=[(pair(), orbits.StormerVerlet(), 0.1), (pair(), orbits.methods.RungeKutta4(), 0.1)])\n"
     )
     out = call("certify", tmp_path / "twice.py", "--integrator", "stormer-verlet", "--json", "--out", tmp_path)
     assert len(json.loads(out.stdout)["certificates"]) == 1

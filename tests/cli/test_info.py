@@ -12,11 +12,12 @@ from typer.testing import CliRunner
 
 import orbits
 from orbits.cli import app
+from orbits.events import Collision, FartherThan, Merge, Pericentre
 
 SYSTEM = orbits.System(
     ["star", "ship"], gm=[1.0, 1e-30], q=[[0, 0, 0], [1, 0, 0]], v=[[0, 0, 0], [0, 1.1, 0]], units=orbits.DIMENSIONLESS
 )
-STOP = orbits.Pericentre("ship", "star", then="stop")
+STOP = Pericentre("ship", "star", then="stop")
 
 
 def info(path: Path) -> tuple[str, dict[str, Any]]:
@@ -28,7 +29,7 @@ def info(path: Path) -> tuple[str, dict[str, Any]]:
 def test_info_says_what_was_sought_and_found_and_why_a_run_stopped(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     sky = orbits.System.solar_system("2026-02-01", bodies=["Sun", "Mercury", "Venus"])
-    events = [orbits.Pericentre("Mercury"), orbits.FartherThan(0.46 * u.au, "Mercury", "Sun", then="stop")]
+    events = [Pericentre("Mercury"), FartherThan(0.46 * u.au, "Mercury", "Sun", then="stop")]
     orbits.propagate(sky, duration=1 * u.yr, samples=5, events=events, archive=path, dense=True).close()
     text, record = info(path)
     assert "\nstopped: Mercury and Sun: farther than 0.46 AU at t = " in text
@@ -52,7 +53,7 @@ def test_info_says_what_was_sought_and_found_and_why_a_run_stopped(tmp_path: Pat
 def test_info_says_which_bodies_merged_and_when(tmp_path: Path) -> None:
     path, q, v = tmp_path / "run.h5", [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0.1, 0]]
     pair = orbits.System(["a", "b"], [1, 1e-3], q, v, radii=[0.05, 0.05], units=orbits.DIMENSIONLESS)
-    merge = orbits.Collision(then=orbits.Merge())
+    merge = Collision(then=Merge())
     run = orbits.propagate(pair, duration=3.0, events=merge, archive=path)
     when = float(run.events.time.value[0])
     run.close()
@@ -71,7 +72,7 @@ def test_info_tells_how_to_go_on_with_functions(tmp_path: Path) -> None:
 
     path = tmp_path / "run.h5"
     with pytest.raises(RuntimeError):
-        orbits.propagate(SYSTEM, duration=20.0, events=orbits.Pericentre("ship", then=fails), archive=path)
+        orbits.propagate(SYSTEM, duration=20.0, events=Pericentre("ship", then=fails), archive=path)
     text, record = info(path)
     assert "\nfailed after t = " in text
     assert ": RuntimeError: no fuel\n" in text

@@ -21,8 +21,8 @@ SCENARIO = """
 import orbits
 system = orbits.System.from_elements({"sun": {"gm": 1.0}, "earth": {"gm": 3e-6, "a": 1.0, "e": 0.1}},
                                      units=orbits.DIMENSIONLESS)
-scenario = orbits.Scenario(name="long", title="A long run", system=system, integrators=[
-    orbits.StormerVerlet(), orbits.SymplecticEuler()], dt=0.02, duration=1000.0, samples=11)
+scenario = orbits.scenarios.Scenario(name="long", title="A long run", system=system, integrators=[
+    orbits.StormerVerlet(), orbits.methods.SymplecticEuler()], dt=0.02, duration=1000.0, samples=11)
 """
 
 

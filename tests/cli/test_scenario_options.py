@@ -22,11 +22,11 @@ def system(options):
     bodies = {"star": {"gm": 1.0}, "planet": {"a": options["a"], "gm": 1e-3}}
     return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
 
-scenario = orbits.Scenario(
+scenario = orbits.scenarios.Scenario(
     name="pair", title="Two bodies", system=system, dt=0.125, duration=2.0, samples=3, against=["ias15"],
     options=[
-        orbits.Option("a", 1.0, least=0.1, help="semi-major axis"),
-        orbits.Option("colour", "red", choices=("red", "blue"), help="colour of the orbit"),
+        orbits.scenarios.Option("a", 1.0, least=0.1, help="semi-major axis"),
+        orbits.scenarios.Option("colour", "red", choices=("red", "blue"), help="colour of the orbit"),
     ],
 )
 

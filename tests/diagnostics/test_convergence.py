@@ -52,12 +52,12 @@ def test_a_fit_through_all_points_would_be_wrong():
 
 
 METHODS = [
-    (orbits.ExplicitEuler(), 0.1, 1, 0.15),
-    (orbits.SymplecticEuler(), 0.1, 1, 0.05),
+    (orbits.methods.ExplicitEuler(), 0.1, 1, 0.15),
+    (orbits.methods.SymplecticEuler(), 0.1, 1, 0.05),
     (orbits.StormerVerlet(), 0.3, 2, 0.01),
-    (orbits.RungeKutta4(), 0.3, 4, 0.05),
+    (orbits.methods.RungeKutta4(), 0.3, 4, 0.05),
     (orbits.Gauss(stages=2), 0.3, 4, 0.01),
-    (orbits.LobattoIIIAB(stages=4), 0.3, 6, 0.02),
+    (orbits.methods.LobattoIIIAB(stages=4), 0.3, 6, 0.02),
     (orbits.Gauss(stages=4), 1.0, 8, 0.05),
 ]
 
@@ -74,7 +74,7 @@ def test_a_method_with_a_wrong_coefficient_is_seen_to_have_a_lower_order():
     """Gauss with two stages with a node moved by a hundredth, completed to a symplectic pair: order 1 instead of 4."""
     r = np.sqrt(3.0) / 6.0
     a = ((0.25, 0.25 - r + 0.01), (0.25 + r, 0.25))
-    found = diagnostics.order(*three_bodies(particles=2), orbits.VPRK(a=a, b=(0.5, 0.5)), 0.02)
+    found = diagnostics.order(*three_bodies(particles=2), orbits.methods.VPRK(a=a, b=(0.5, 0.5)), 0.02)
     assert found.order < 1.3
 
 

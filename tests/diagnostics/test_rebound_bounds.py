@@ -7,12 +7,14 @@ import pytest
 
 import orbits
 from orbits import diagnostics
+from orbits.methods import LobattoIIIAB, RungeKutta4
+from orbits.rebound import from_rebound
 from orbits.resources import data_path
 
 from ..problems import rebounds_outer_solar_system
 
 BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]}
-METHODS = [orbits.StormerVerlet(), orbits.LobattoIIIAB(stages=3), orbits.Gauss(stages=2), orbits.Gauss(stages=8)]
+METHODS = [orbits.StormerVerlet(), LobattoIIIAB(stages=3), orbits.Gauss(stages=2), orbits.Gauss(stages=8)]
 IDS = [method.label for method in METHODS]
 
 
@@ -30,7 +32,7 @@ def test_ten_steps_forth_and_back_on_the_outer_solar_system(method):
     """dt = 0.01232 periods of Jupiter: WHFast is asserted to 2e-11, SABA to 4e-14; here not a bit is missing."""
     assert "back-and-forth 10 steps <2e-11" in BOUNDS["test_whfast_advanced (15 settings)"]
     assert "back&forth 4e-14" in BOUNDS["test_saba"]
-    x = orbits.from_rebound(rebounds_outer_solar_system()).values
+    x = from_rebound(rebounds_outer_solar_system()).values
     found = diagnostics.reversibility(x.gm, x.q, x.v, method, 0.0123235235 * 11.862 * 2 * np.pi, 10)
     assert found.ulps <= 2
     assert max(found.q, found.v) < 4e-14
@@ -55,6 +57,6 @@ def test_a_hundred_steps_forth_and_back_on_an_orbit(method, dt, steps, e, bound)
 
 
 def test_a_method_that_is_not_symmetric_misses_these_bounds_by_far():
-    x = orbits.from_rebound(rebounds_outer_solar_system()).values
+    x = from_rebound(rebounds_outer_solar_system()).values
     dt = 0.0123235235 * 11.862 * 2 * np.pi
-    assert diagnostics.reversibility(x.gm, x.q, x.v, orbits.RungeKutta4(), dt, 10).q > 1e-9
+    assert diagnostics.reversibility(x.gm, x.q, x.v, RungeKutta4(), dt, 10).q > 1e-9

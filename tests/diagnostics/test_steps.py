@@ -57,7 +57,7 @@ def test_the_step_is_symplectic_on_massive_bodies_and_on_fibres_if_and_only_if_d
 
 def test_a_method_that_spoils_a_single_particle_is_seen_in_its_fibre_alone():
     """Explicit Euler on a particle far out: its defect is h^2 times its own tide, that of the planets far larger."""
-    found = diagnostics.symplecticity(*three_bodies(particles=2), orbits.ExplicitEuler(), 0.15)
+    found = diagnostics.symplecticity(*three_bodies(particles=2), orbits.methods.ExplicitEuler(), 0.15)
     assert found.massive > 10 * found.particles.max()
     tide = 2.0 * 1.013 * 0.15**2 / np.linalg.norm(three_bodies(particles=2)[1][3:], axis=1) ** 3
     assert found.particles == pytest.approx(tide, rel=0.3)
@@ -96,7 +96,7 @@ def test_a_displacement_below_the_last_bit_of_a_position_comes_out_of_a_step(par
 def test_flipping_velocities_where_a_step_is_not_symmetric_is_seen_by_the_order_of_its_error():
     """Symplectic Euler comes back to first order in dt only."""
     off = [
-        diagnostics.reversibility(*three_bodies(particles=2), orbits.SymplecticEuler(), h, round(1 / h)).q
+        diagnostics.reversibility(*three_bodies(particles=2), orbits.methods.SymplecticEuler(), h, round(1 / h)).q
         for h in (2e-3, 1e-3)
     ]
     assert 1.8 < off[0] / off[1] < 2.2

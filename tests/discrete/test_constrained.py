@@ -5,7 +5,9 @@ import pytest
 
 import orbits
 from orbits import discrete
+from orbits.errors import InputError
 from orbits.lagrangians import onto_constraints
+from orbits.methods import Rattle
 
 LAGRANGIANS = [
     orbits.lagrangians.pendulum_on_a_sphere,
@@ -21,7 +23,7 @@ def largest(x):
 @pytest.fixture(params=LAGRANGIANS, ids=lambda L: L.name)
 def marched(request):
     L = request.param
-    path = orbits.march(L, orbits.Rattle(), dt=L.example.dt, steps=30)
+    path = orbits.march(L, Rattle(), dt=L.example.dt, steps=30)
     return L, discrete.constrained(discrete.trapezoidal(L)), path, L.example.dt
 
 
@@ -34,7 +36,7 @@ def test_rattle_solves_the_equations_with_multipliers_and_has_the_momenta_of_its
 
 def test_the_path_of_another_rule_is_told_from_it():
     L = orbits.lagrangians.dumbbell  # forces that are not linear: under uniform gravity both rules are one
-    path = orbits.march(L, orbits.Rattle(), dt=0.05, steps=20)
+    path = orbits.march(L, Rattle(), dt=0.05, steps=20)
     midpoint = discrete.constrained(discrete.midpoint(L))
     assert largest(discrete.euler_lagrange_residual(midpoint, path.q, 0.05)) > 1e-5
 
@@ -70,7 +72,7 @@ def test_the_exact_derivative_is_that_of_the_compiled_step(marched):
     """By differences along the constraints, with an error of delta^2."""
     L, L_d, path, h = marched
     q, p, d, delta = path.q[3], path.p[3], L.dimension, 1e-5
-    flow, mass = orbits.Flow(L, orbits.Rattle(), h), L.hessians(path.q[3], path.v[3])[2]
+    flow, mass = orbits.Flow(L, Rattle(), h), L.hessians(path.q[3], path.v[3])[2]
 
     def moved(vector, size):
         x, w = onto_constraints(L, q + size * vector[:d], np.linalg.solve(mass, p + size * vector[d:]))
@@ -84,7 +86,7 @@ def test_the_exact_derivative_is_that_of_the_compiled_step(marched):
 
 def test_the_momentum_maps_of_symmetries_of_the_constraints_are_conserved_by_noethers_theorem():
     L = orbits.lagrangians.dumbbell
-    L_d, path = discrete.constrained(discrete.trapezoidal(L)), orbits.march(L, orbits.Rattle(), dt=0.05, steps=100)
+    L_d, path = discrete.constrained(discrete.trapezoidal(L)), orbits.march(L, Rattle(), dt=0.05, steps=100)
     for symmetry in L.symmetries:
         assert abs(discrete.invariance(L_d, symmetry, path.q[0], path.q[1], 0.05, s=0.7)) < 1e-15
         drift = discrete.drift(L_d, symmetry, path.q, path.p, 0.05)
@@ -93,13 +95,13 @@ def test_the_momentum_maps_of_symmetries_of_the_constraints_are_conserved_by_noe
     across = orbits.lagrangians.rotation([1.0, 0.0, 0.0])
     sphere = orbits.lagrangians.pendulum_on_a_sphere  # gravity is no symmetry of it
     L_d = discrete.constrained(discrete.trapezoidal(sphere))
-    path = orbits.march(sphere, orbits.Rattle(), dt=0.1, steps=100)
+    path = orbits.march(sphere, Rattle(), dt=0.1, steps=100)
     assert largest(discrete.drift(L_d, across, path.q, path.p, 0.1).broken) > 1e-2
 
 
 def test_what_a_discrete_lagrangian_without_multipliers_cannot_know_is_refused():
     L = orbits.lagrangians.pendulum_on_a_sphere
-    plain, path = discrete.trapezoidal(L), orbits.march(L, orbits.Rattle(), dt=0.1, steps=5)
+    plain, path = discrete.trapezoidal(L), orbits.march(L, Rattle(), dt=0.1, steps=5)
     for function, arguments in (
         (discrete.euler_lagrange_residual, (path.q, 0.1)),
         (discrete.momentum_residual, (path.q, path.p, 0.1)),
@@ -107,11 +109,11 @@ def test_what_a_discrete_lagrangian_without_multipliers_cannot_know_is_refused()
         (discrete.inverse_legendre_plus, (path.q[1], path.p[1], 0.1)),
         (discrete.boundary_value, (path.q[0], path.q[5], 0.1, 5)),
     ):
-        with pytest.raises(orbits.InputError, match=r"does not know the constraints.*Use discrete\.constrained\(L_d\)"):
+        with pytest.raises(InputError, match=r"does not know the constraints.*Use discrete\.constrained\(L_d\)"):
             function(plain, *arguments)
-    with pytest.raises(orbits.InputError, match="boundary values with constraints are not solved"):
+    with pytest.raises(InputError, match="boundary values with constraints are not solved"):
         discrete.boundary_value(discrete.constrained(plain), path.q[0], path.q[5], 0.1, 5)
-    with pytest.raises(orbits.InputError, match="'pendulum' has no constraints"):
+    with pytest.raises(InputError, match="'pendulum' has no constraints"):
         discrete.constrained(discrete.trapezoidal(orbits.lagrangians.pendulum))
-    with pytest.raises(orbits.InputError, match="expected a discrete Lagrangian without constraints"):
+    with pytest.raises(InputError, match="expected a discrete Lagrangian without constraints"):
         discrete.constrained(L)

@@ -18,7 +18,7 @@ from .mechanics import Oscillator, Plain, pair
 
 FAMILY = [*map(gauss, (1, 2, 3)), *map(lobatto_iiia_iiib, (2, 3)), *map(lobatto_iiib_iiia, (2, 3))]
 EULER = [kick_drift(), drift_kick()]
-SPECIAL = [orbits.Gauss(stages=3), orbits.LobattoIIIAB(stages=2), orbits.SymplecticEuler()]
+SPECIAL = [orbits.Gauss(stages=3), orbits.methods.LobattoIIIAB(stages=2), orbits.methods.SymplecticEuler()]
 
 
 class Uniform(Plain):

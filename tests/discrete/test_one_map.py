@@ -42,7 +42,7 @@ def test_the_certificate_finds_the_momenta_of_an_equivalent_discrete_lagrangian(
     L = orbits.lagrangians.pendulum
     problem = Problem(L, orbits.StormerVerlet(), H, np.array([1.0]), np.array([0.5]), 0.0)
     kicked = np.array([[0.5 * H * np.sin(1.0)]])
-    other = orbits.march(L, orbits.SymplecticEuler(), q=[1.0], p=[0.5 + kicked[0, 0]], dt=H, steps=40)
+    other = orbits.march(L, orbits.methods.SymplecticEuler(), q=[1.0], p=[0.5 + kicked[0, 0]], dt=H, steps=40)
     own = problem.path
     assert problem.euler_lagrange().holds
     assert problem.legendre_transforms().holds
@@ -50,7 +50,7 @@ def test_the_certificate_finds_the_momenta_of_an_equivalent_discrete_lagrangian(
     problem.__dict__["path"] = other
     assert problem.euler_lagrange().holds
     assert not problem.legendre_transforms().holds
-    found = orbits.certify(L, orbits.SymplecticEuler(), H)["momenta of L_d"]
+    found = orbits.certify(L, orbits.methods.SymplecticEuler(), H)["momenta of L_d"]
     assert found.holds
     assert found.measured < found.bound
 
@@ -59,10 +59,10 @@ def test_the_certificate_finds_the_momenta_of_an_equivalent_discrete_lagrangian(
     ("method", "rule"),
     [
         (orbits.StormerVerlet(), discrete.trapezoidal),
-        (orbits.LobattoIIIAB(stages=2), discrete.trapezoidal),
+        (orbits.methods.LobattoIIIAB(stages=2), discrete.trapezoidal),
         (orbits.Gauss(stages=1), discrete.midpoint),
-        (orbits.SymplecticEuler("kick-drift"), discrete.symplectic_euler_b),
-        (orbits.SymplecticEuler("drift-kick"), discrete.symplectic_euler_a),
+        (orbits.methods.SymplecticEuler("kick-drift"), discrete.symplectic_euler_b),
+        (orbits.methods.SymplecticEuler("drift-kick"), discrete.symplectic_euler_a),
     ],
     ids=lambda x: getattr(x, "label", ""),
 )

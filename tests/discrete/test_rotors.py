@@ -19,7 +19,7 @@ MAKERS = {
     "kick-rotate-kick": discrete.kick_rotate_kick,
     "unequal kicks": lambda L: discrete.kick_rotate_kick(L, before=0.3, after=0.9),
 }
-LGVI, VERLET = orbits.LieGroupVariational(), orbits.StormerVerlet()
+LGVI, VERLET = orbits.methods.LieGroupVariational(), orbits.StormerVerlet()
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def test_both_legendre_transforms_in_the_body_are_the_angular_momenta_of_the_mar
     np.testing.assert_allclose(momenta[0], [0.4, 0.3, 0.8], rtol=1e-15)
 
 
-METHODS = [LGVI, VERLET, orbits.Composition(LGVI, order=4), orbits.Composition(order=4)]
+METHODS = [LGVI, VERLET, orbits.methods.Composition(LGVI, order=4), orbits.methods.Composition(order=4)]
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.label)

@@ -82,7 +82,7 @@ def test_states_make_elements_without_nan_and_move_to_finite_states_or_an_InputE
     try:
         moved = two_body(q, v, gm, t)
         assert all(np.isfinite(x).all() for x in moved)
-    except (InputError, orbits.ConvergenceError) as error:
+    except (InputError, orbits.errors.ConvergenceError) as error:
         refused(error)
     try:
         from_frame(q, "ecliptic")

@@ -11,8 +11,9 @@ from astropy import constants
 from astropy import units as u
 
 import orbits
-from orbits import InputError, kepler_flow
+from orbits import kepler_flow
 from orbits.elements import state_from_elements
+from orbits.errors import InputError
 
 from ..kepler_truth import flow
 

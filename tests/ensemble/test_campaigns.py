@@ -63,7 +63,7 @@ def test_other_methods_give_particles_bits_that_do_not_depend_on_the_block(tmp_p
         np.testing.assert_array_equal(one[name].q, other[name].q)
 
 
-@pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 def test_particles_that_are_followed_through_encounters_have_bits_that_do_not_depend_on_the_block(tmp_path):
     near = 5.0
     options = {**OPTIONS, "integrator": orbits.WisdomHolman(encounters="follow")}
@@ -85,7 +85,7 @@ def test_a_process_gives_the_bits_of_a_thread(tmp_path):
 def test_the_table_has_what_the_runs_have(tmp_path):
     options = {**OPTIONS, "samples": 41}
     campaign = ensemble.run(belt(60, outermost=5.0), tmp_path / "c", block=16, **options)
-    with pytest.warns(orbits.RetiredWarning):
+    with pytest.warns(orbits.errors.RetiredWarning):
         run = orbits.propagate(system(60, outermost=5.0), approaches=True, **options)
     table, elements = campaign.summary, run.elements(primary="Sun")
     lost = {one.name: one for one in run.retired}
@@ -158,7 +158,7 @@ def test_a_block_that_was_interrupted_goes_on_where_it_was(tmp_path, monkeypatch
     campaign = ensemble.run(belt(32), tmp_path / "c", **longer)
     assert seen[0].first > 0 or seen[0].marcher.step > 0
     assert campaign.complete
-    with pytest.warns(orbits.RetiredWarning):
+    with pytest.warns(orbits.errors.RetiredWarning):
         whole = orbits.propagate(system(32), **{**OPTIONS, "duration": 5e4 * u.yr})
     np.testing.assert_array_equal(campaign["p31"].q, whole["p31"].q)
 
@@ -370,7 +370,7 @@ def test_a_block_that_cannot_be_integrated_is_reported_and_the_others_go_on(tmp_
 
 
 def test_a_block_of_particles_whose_planets_collide_is_listed_as_failed(tmp_path):
-    bodies = orbits.System.from_states(["A", "B"], [1.0, 1.0], [[-0.5, 0, 0], [0.5, 0, 0]], np.zeros((2, 3)),
+    bodies = orbits.System(["A", "B"], [1.0, 1.0], [[-0.5, 0, 0], [0.5, 0, 0]], np.zeros((2, 3)),
                                        units=orbits.DIMENSIONLESS)  # fmt: skip
     members = {"q": np.array([[3.0, 0, 0], [0, 4, 0]]), "v": np.array([[0, 0.8, 0], [-0.7, 0, 0]])}
     options = {"duration": 5.0, "dt": 0.01, "integrator": "gauss", "block": 1, "check_step": False, "progress": False}
@@ -388,7 +388,7 @@ def pair(speed: float) -> orbits.System:
     if speed < 0:
         raise ValueError("no such speed")
     q, v = np.array([0.5, 0, 0]), np.array([0, speed / 2**0.5, 0])
-    return orbits.System.from_states(["A", "B"], [1.0, 1.0], [q, -q], [v, -v], units=orbits.DIMENSIONLESS)
+    return orbits.System(["A", "B"], [1.0, 1.0], [q, -q], [v, -v], units=orbits.DIMENSIONLESS)
 
 
 def test_a_grid_of_systems_has_the_bits_of_a_list_of_them(tmp_path):

@@ -95,7 +95,7 @@ def test_functions_of_a_session_are_sent_to_the_workers_of_a_cluster(tmp_path, c
 
     def pair(e):
         v = [0, ((1 + e) / 2) ** 0.5, 0]
-        return System.from_states(["A", "B"], [1, 0], [[0, 0, 0], [2, 0, 0]], [[0, 0, 0], v], units=DIMENSIONLESS)
+        return System(["A", "B"], [1, 0], [[0, 0, 0], [2, 0, 0]], [[0, 0, 0], v], units=DIMENSIONLESS)
 
     grid = ensemble.grid(pair, e=[0.0, 0.1, 0.2])
     options = {"duration": 3.0, "dt": 0.1, "progress": False, "check_step": False}

@@ -101,7 +101,7 @@ def test_steps_of_its_own_take_apophis_past_the_earth_as_short_constant_steps_do
 
 
 def test_close_approaches_are_found_as_events_and_do_not_list_what_is_read(apophis, run):
-    event = orbits.CloseApproach("Apophis", "Earth", within=0.01 * u.au)
+    event = orbits.events.CloseApproach("Apophis", "Earth", within=0.01 * u.au)
     found = orbits.propagate(apophis, duration=120, samples=2, progress=False, events=event).events
     assert len(found) == 1
     met = next(each for each in run.closest_approaches() if {each.body, each.other} == {"Apophis", "Earth"})
@@ -249,7 +249,7 @@ def test_what_would_be_wrong_is_refused(apophis):
             orbits.propagate(apophis, method, dt=1, duration=1)
     with pytest.raises(InputError, match="MEGNO"):
         orbits.megno(apophis, duration=10)
-    pushed = apophis.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Apophis", "Earth"]))
+    pushed = apophis.with_forces(orbits.terms.Drag(rate=1e-6 / u.yr, bodies=["Apophis", "Earth"]))
     with pytest.raises(InputError, match="Drag names Earth"):
         orbits.propagate(pushed, dt=1, duration=1)
     earth = apophis.index("Earth")
@@ -285,7 +285,7 @@ def test_all_asteroids_of_de440_are_there_those_beyond_sixteen_integrated_along(
 
 @needs_both
 def test_apophis_is_within_two_km_of_jpl_a_year_through_its_encounter():
-    force = orbits.NonGravitational.yarkovsky(A2 * u.au / u.day**2, A1=A1 * u.au / u.day**2, bodies=["Apophis"])
+    force = orbits.terms.NonGravitational.yarkovsky(A2 * u.au / u.day**2, A1=A1 * u.au / u.day**2, bodies=["Apophis"])
 
     def miss(system):
         run = orbits.propagate(system, until=END, samples=2, progress=False)
@@ -334,10 +334,10 @@ def test_small_bodies_are_where_horizons_has_them_in_the_model_of_horizons(first
         q, v = FROM_ECLIPTIC @ start[1:4], FROM_ECLIPTIC @ start[4:]
         pull = pull_on_the_sun(epoch, system.names)
         system = system.add(name, primary="Sun", q=q * u.au, v=v * u.au / u.day)
-        terms = [x for x in system.terms if not (isinstance(x, orbits.ZonalHarmonics) and x.body == "Sun")]
+        terms = [x for x in system.terms if not (isinstance(x, orbits.terms.ZonalHarmonics) and x.body == "Sun")]
         system = system.replaced(terms=terms)
         if name in A2_FITTED:
-            force = orbits.NonGravitational.yarkovsky(A2_FITTED[name] * u.au / u.day**2, bodies=[name])
+            force = orbits.terms.NonGravitational.yarkovsky(A2_FITTED[name] * u.au / u.day**2, bodies=[name])
             system = system.with_forces(force)
         metres[name] = 0.0
         for end in (table[0], table[-1]):

@@ -108,7 +108,7 @@ def test_a_run_in_an_archive_is_opened_again_and_has_its_certificate(again, arch
 
 
 def test_a_stopped_run_in_an_archive_says_where_it_stopped(again, tmp_path):
-    near = orbits.CloserThan(4.955 * u.au, "Sun", "Jupiter")
+    near = orbits.events.CloserThan(4.955 * u.au, "Sun", "Jupiter")
     run = short_run(systems()["solar"], archive=tmp_path / "run.h5", stop=near)
     copied = again(run)
     assert run.stopped is not None

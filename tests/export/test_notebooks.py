@@ -13,9 +13,11 @@ import orbits
 from orbits.certificate.certificate import Certificate, Finding
 from orbits.kernels.search.record import COLUMNS, DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.marching.clocks.constant import ConstantSteps
-from orbits.propagation.results.approaches import Approaches
-from orbits.propagation.results.passages_seen import Record, Seen
+from orbits.marching.legs.record import Record
 from orbits.regression.report import Report, Row
+from orbits.results.approaches import Approaches
+from orbits.results.passages import Seen
+from orbits.scenarios import StudyResult, Table
 
 NASTY = "<script>alert('&\"')</script>"
 
@@ -63,11 +65,10 @@ def met(bodies: int = 3) -> Approaches:
     closest[TIME, 1, 1:] = np.arange(1, bodies)
     closest[[DISTANCE2, SPEED2], 1, 1:] = np.arange(1, bodies) ** 2
     closest[PARTNER] = np.arange(bodies) - 1.0
-    q, v = (np.array([x, x]) for x in start.values[1:3])
-    line = orbits.Trajectory(start, [0, bodies], q, v, step=1.0, integrator=orbits.Gauss(stages=2))
-    seen = Seen(start, Record(closest, np.empty((0, COLUMNS)), 0, -1, np.zeros(bodies), bodies), ConstantSteps(1.0))
-    seen.refined.update(range(len(seen.passages)))  # there is no orbit to make them better by
-    return Approaches(line, seen)
+    clock = ConstantSteps(1.0)
+    seen = Seen(start, Record(closest, np.empty((0, COLUMNS)), 0, -1, np.zeros(bodies), bodies), clock)
+    # There is no orbit to make them better by.
+    return Approaches(start, clock, seen, refine=lambda numbers: None, error_at_end=lambda k: None)
 
 
 def certificate() -> Certificate:
@@ -84,9 +85,9 @@ def catalogue() -> orbits.ephemeris.Catalogue:
     return replace(orbits.asteroids(1), names=(NASTY,))
 
 
-def study() -> orbits.StudyResult:
-    table = orbits.Table(NASTY, ["method", "error", "steps"], [["gauss", 1.23456e-9, 12345], ["verlet", None, 7]])
-    return orbits.StudyResult(tables=(table, table))
+def study() -> StudyResult:
+    table = Table(NASTY, ["method", "error", "steps"], [["gauss", 1.23456e-9, 12345], ["verlet", None, 7]])
+    return orbits.scenarios.StudyResult(tables=(table, table))
 
 
 VALUES = [
@@ -185,7 +186,7 @@ def test_a_run_shows_whether_its_certificate_holds():
 
 @pytest.mark.parametrize("bodies", [3, [3], ["Vulcan"], "Vulcan"])
 def test_a_run_cannot_be_drawn_for_what_names_no_body(bodies):
-    with pytest.raises(orbits.InputError, match=r"expected a s|Vulcan"):
+    with pytest.raises(orbits.errors.InputError, match=r"expected a s|Vulcan"):
         run().plot(bodies=bodies)
 
 

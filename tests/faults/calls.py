@@ -41,58 +41,58 @@ def calls(system: orbits.System, real: orbits.System, run: orbits.Trajectory) ->
     seen = {"body": ("Jupiter",), "other": ("rock",), "observer": ("Sun",), "apparent": (False,), **frame}
     whom, source = {"bodies": (None, ["rock"])}, {"source": ("Sun",)}
     terms: dict[Any, dict[str, tuple[Any, ...]]] = {
-        orbits.ZonalHarmonics: {
+        orbits.terms.ZonalHarmonics: {
             "body": ("Sun",), "J2": (1e-3,), "J3": (0.0,), "J4": (0.0,), "radius": (0.1,), "pole": POLE,
         },
-        orbits.DegreeTwo: {
+        orbits.terms.DegreeTwo: {
             "body": ("Sun",), "J2": (1e-3,), "C22": (1e-4,), "radius": (0.1,), "pole": POLE,
             "attitude": ("Jupiter", None),
         },
-        orbits.FrameDragging: {"body": ("Sun",), "spin": (1e-3,), "pole": POLE, "c": (1e3,)},
-        orbits.NobiliRoxburgh: {"body": ("Sun",), "c": (1e3,)},
-        orbits.PostNewtonian: {"body": (None, "Sun"), "sources": (None,), "c": (1e3,)},
-        orbits.MinorBodies: {"bodies": (["Jupiter"],)},
-        orbits.Damping: {**whom, **source, "tau_a": (1e3,), "tau_e": (1e3,), "tau_i": (1e3,), "pole": POLE},
-        orbits.Drag: {**whom, "rate": (1e-3,), "velocity": ((0.0, 0.0, 0.0),)},
-        orbits.GasDrag: {
+        orbits.terms.FrameDragging: {"body": ("Sun",), "spin": (1e-3,), "pole": POLE, "c": (1e3,)},
+        orbits.terms.NobiliRoxburgh: {"body": ("Sun",), "c": (1e3,)},
+        orbits.terms.PostNewtonian: {"body": (None, "Sun"), "sources": (None,), "c": (1e3,)},
+        orbits.terms.MinorBodies: {"bodies": (["Jupiter"],)},
+        orbits.terms.Damping: {**whom, **source, "tau_a": (1e3,), "tau_e": (1e3,), "tau_i": (1e3,), "pole": POLE},
+        orbits.terms.Drag: {**whom, "rate": (1e-3,), "velocity": ((0.0, 0.0, 0.0),)},
+        orbits.terms.GasDrag: {
             **whom, **source, "per_length": (1e-3,), "r0": (1.0,), "slope": (1.0,), "eta": (0.01,), "pole": POLE,
         },
-        orbits.MassLoss: {**whom, **source, "fraction": (1e-6,), "since": (0.0,)},
-        orbits.NonGravitational: {
+        orbits.terms.MassLoss: {**whom, **source, "fraction": (1e-6,), "since": (0.0,)},
+        orbits.terms.NonGravitational: {
             **whom, **source, "A1": (1e-9,), "A2": (1e-9,), "r0": (1.0,), "m": (2.0,), "k": (4.0,),
         },
-        orbits.RadiationPressure: {**whom, **source, "beta": (0.1,), "c": (1e3,)},
-        orbits.Tides: {
+        orbits.terms.RadiationPressure: {**whom, **source, "beta": (0.1,), "c": (1e3,)},
+        orbits.terms.Tides: {
             "source": ("Sun",), "k2": (0.1,), "radius": (0.1,), "lag": (0.1,), "inertia": (0.3,), "spin": (1.0,),
             "pole": POLE, **whom,
         },
     }  # fmt: skip
     events: dict[Any, dict[str, tuple[Any, ...]]] = {
-        orbits.Apocentre: three,
-        orbits.Pericentre: three,
-        orbits.CloseApproach: {**pair, "within": (None, 0.5)},
-        orbits.CloserThan: {**pair, "distance": (0.1,)},
-        orbits.FartherThan: {**pair, "distance": (9.0,)},
-        orbits.Ejection: {"distance": (9.0,), "body": (None, "rock"), "then": WHAT},
-        orbits.ElementCrossing: {
+        orbits.events.Apocentre: three,
+        orbits.events.Pericentre: three,
+        orbits.events.CloseApproach: {**pair, "within": (None, 0.5)},
+        orbits.events.CloserThan: {**pair, "distance": (0.1,)},
+        orbits.events.FartherThan: {**pair, "distance": (9.0,)},
+        orbits.events.Ejection: {"distance": (9.0,), "body": (None, "rock"), "then": WHAT},
+        orbits.events.ElementCrossing: {
             "body": ("rock",), "element": ("a", "inc"), "value": (1.0,), "primary": ("Sun",), "direction": (0, 1),
             **frame,
         },
-        orbits.NodeCrossing: {**three, "direction": (0, 1), **frame},
-        orbits.PlaneCrossing: {
+        orbits.events.NodeCrossing: {**three, "direction": (0, 1), **frame},
+        orbits.events.PlaneCrossing: {
             "body": ("rock",), "normal": ((0.0, 0.0, 1.0),), "about": (None, "Sun"), "offset": (0.0,),
             "direction": (0,), **frame,
         },
-        orbits.Conjunction: seen,
-        orbits.Opposition: seen,
+        orbits.events.Conjunction: seen,
+        orbits.events.Opposition: seen,
     }  # fmt: skip
     return {
         **{kind.__name__: (acting(kind, system), given) for kind, given in terms.items()},
         **{kind.__name__: (of_events(kind, system), given) for kind, given in events.items()},
-        "Bounce": (orbits.Bounce, {"restitution": (0.5,)}),
+        "Bounce": (orbits.events.Bounce, {"restitution": (0.5,)}),
         "Adaptive": (orbits.Adaptive, {"tolerance": (None, 1e-9)}),
         "TimeTransformed": (orbits.TimeTransformed, {"step": (0.3,)}),
-        "LobattoIIIAB": (orbits.LobattoIIIAB, {"stages": (3,)}),
+        "LobattoIIIAB": (orbits.methods.LobattoIIIAB, {"stages": (3,)}),
         "WisdomHolman": (
             orbits.WisdomHolman,
             {
@@ -101,7 +101,7 @@ def calls(system: orbits.System, real: orbits.System, run: orbits.Trajectory) ->
                 "lost_within": (None, 0.1),
             },
         ),
-        "SABA": (orbits.SABA, {"first": (10,), "second": (None,), "third": (None,), "encounters": ("warn",)}),
+        "SABA": (orbits.methods.SABA, {"first": (10,), "second": (None,), "third": (None,), "encounters": ("warn",)}),
         "RigidBody": (
             lambda **given: system.with_rigid({"Jupiter": orbits.RigidBody(**given)}),
             {
@@ -110,11 +110,11 @@ def calls(system: orbits.System, real: orbits.System, run: orbits.Trajectory) ->
             },
         ),
         "Option": (
-            orbits.Option,
+            orbits.scenarios.Option,
             {"name": ("count",), "default": (3,), "help": ("how many",), "least": (None, 1), "most": (None, 9)},
         ),
         "Scenario": (
-            orbits.Scenario,
+            orbits.scenarios.Scenario,
             {
                 "name": ("s",), "title": ("A scenario",), "system": (system,), "integrators": (["gauss"],),
                 "dt": (0.1,), "duration": (1.0,), "samples": (3,), "approaches": (None, True), "against": ((),),
@@ -164,8 +164,8 @@ def calls(system: orbits.System, real: orbits.System, run: orbits.Trajectory) ->
             {"bodies": (None, ["rock"]), "within": (None, 9.0), "order": ("distance", "time")},
         ),
         "run.to_pandas": (run.to_pandas, {"bodies": (None, ["Sun"])}),
-        "run.spin": (run.spin, {"body": ("Sun",)}),
-        "run.obliquity": (run.obliquity, {"body": ("Sun",), "about": (None,)}),
+        "run.rotation.spin": (run.rotation.spin, {"body": ("Sun",)}),
+        "run.rotation.obliquity": (run.rotation.obliquity, {"body": ("Sun",), "about": (None,)}),
         "System.solar_system (model)": (
             orbits.System.solar_system,
             {"epoch": ("2022-08-09",), "bodies": (["Sun", "Mars"],), "origin": ("ssb",), "model": ("newtonian",)},

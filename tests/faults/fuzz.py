@@ -25,6 +25,7 @@ from astropy.time import Time
 import orbits
 from orbits import diagnostics, elements
 from orbits.errors import Interrupted, OrbitsError, shown
+from orbits.methods import RungeKutta4
 from orbits.system import OrbitalElements
 from tests.campaigns import ODDITIES
 from tests.catalogue.lines import CERES, VESTA
@@ -62,8 +63,8 @@ THREE = orbits.System(NAMES, GM, Q, V, units=orbits.DIMENSIONLESS)
 REAL = orbits.System(NAMES, GM * orbits.SOLAR.G, Q, V * 0.017, epoch="J2000", units=orbits.SOLAR)
 PENDULUM = orbits.lagrangians.pendulum
 METHODS = [
-    orbits.StormerVerlet(), orbits.Gauss(stages=2), orbits.Gauss(stages=8), orbits.SymplecticEuler(),
-    orbits.RungeKutta4(), orbits.LobattoIIIAB(stages=3), orbits.Composition(orbits.StormerVerlet(), order=4),
+    orbits.StormerVerlet(), orbits.Gauss(stages=2), orbits.Gauss(stages=8), orbits.methods.SymplecticEuler(),
+    RungeKutta4(), orbits.methods.LobattoIIIAB(stages=3), orbits.methods.Composition(orbits.StormerVerlet(), order=4),
 ]  # fmt: skip
 RUN = orbits.propagate(THREE, METHODS[0], dt=0.01, duration=1.0, samples=5)
 DATES = orbits.propagate(REAL, METHODS[0], dt=1.0, duration=20.0, samples=5)
@@ -180,7 +181,7 @@ def run_questions(rng: random.Random, system: orbits.System) -> Any:
 
 
 def few_steps() -> Any:
-    return orbits.WallTimeOver(0.2)
+    return orbits.events.WallTimeOver(0.2)
 
 
 # Each call: what it is called with, by name, and how. Good values are drawn for each argument, and some are replaced.
@@ -303,13 +304,13 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Maker]]] = {
     ),
     "read_sbdb": (orbits.read_sbdb, {"source": one_of("full_name,a,e,i\n1 Ceres,2.7,0.1,10\n", CERES, "{}")}),
     "Gauss": (orbits.Gauss, {"stages": one_of(2, 3)}),
-    "Composition": (orbits.Composition, {"base": methods, "order": one_of(4), "scheme": one_of(None)}),
-    "VPRK": (orbits.VPRK, {"a": one_of([[0.5]]), "b": one_of([1.0])}),
-    "SymplecticEuler": (orbits.SymplecticEuler, {"variant": one_of("kick-drift")}),
-    "CloserThan": (orbits.CloserThan, {"distance": one_of(0.1), "body": one_of("Sun"), "other": one_of(None)}),
-    "FartherThan": (orbits.FartherThan, {"distance": one_of(9.0), "body": one_of("Sun"), "other": one_of(None)}),
-    "EnergyErrorAbove": (orbits.EnergyErrorAbove, {"fraction": one_of(0.1)}),
-    "WallTimeOver": (orbits.WallTimeOver, {"duration": one_of(1.0)}),
+    "Composition": (orbits.methods.Composition, {"base": methods, "order": one_of(4), "scheme": one_of(None)}),
+    "VPRK": (orbits.methods.VPRK, {"a": one_of([[0.5]]), "b": one_of([1.0])}),
+    "SymplecticEuler": (orbits.methods.SymplecticEuler, {"variant": one_of("kick-drift")}),
+    "CloserThan": (orbits.events.CloserThan, {"distance": one_of(0.1), "body": one_of("Sun"), "other": one_of(None)}),
+    "FartherThan": (orbits.events.FartherThan, {"distance": one_of(9.0), "body": one_of("Sun"), "other": one_of(None)}),
+    "EnergyErrorAbove": (orbits.events.EnergyErrorAbove, {"fraction": one_of(0.1)}),
+    "WallTimeOver": (orbits.events.WallTimeOver, {"duration": one_of(1.0)}),
     "Trajectory": (
         orbits.Trajectory,
         {
@@ -323,7 +324,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Maker]]] = {
     ),
     "Trajectory.open": (orbits.Trajectory.open, {"path": one_of("/no/such/file")}),
     "resume": (orbits.resume, {"path": one_of("/no/such/file")}),
-    "to_rebound": (orbits.to_rebound, {"system": one_of(THREE, RUN), "sample": one_of(-1)}),
+    "to_rebound": (orbits.rebound.to_rebound, {"system": one_of(THREE, RUN), "sample": one_of(-1)}),
     "System.remove": (THREE.remove, {"name": one_of("rock")}),
     "add_particles": (
         REAL.add_particles,

@@ -88,7 +88,7 @@ def wrong_with_steps(path: Path) -> str | None:
         return "wrong steps"
     run.close()
     run = orbits.resume(path, progress=False, threads=1)
-    if not small.is_part_of_the_kept_run(run) or len(run.kept) != len(small.all_steps()[1]):
+    if not small.is_part_of_the_kept_run(run) or len(run._kept) != len(small.all_steps()[1]):
         return "wrong steps after resuming"
     run.close()
     left = [each.name for each in path.parent.iterdir() if each.name != path.name]

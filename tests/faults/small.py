@@ -28,7 +28,7 @@ def system() -> orbits.System:
     keep = ["Sun", "Earth-Moon barycenter", "Jupiter"]
     index = [sun.names.index(name) for name in keep]
     some = sun.replaced(q=sun.values.q, v=sun.values.v)
-    return orbits.System.from_states(
+    return orbits.System(
         keep, some.values.gm[index], some.values.q[index], some.values.v[index],
         epoch=sun.epoch, units=sun.units, radii=[0.005, 1e-4, 5e-4],
     ).add_particles(orbits.asteroids(2))  # fmt: skip
@@ -69,7 +69,7 @@ KEPT: dict[str, Any] = {**ARGUMENTS, "dt": None, "duration": 6000 * u.day, "samp
 @cache
 def massive() -> orbits.System:
     x, n = system().values, 3
-    return orbits.System.from_states(system().names[:n], x.gm[:n], x.q[:n], x.v[:n], units=system().units)
+    return orbits.System(system().names[:n], x.gm[:n], x.q[:n], x.v[:n], units=system().units)
 
 
 def keeping(path: Path | None = None, **options: Any) -> orbits.Trajectory:
@@ -80,15 +80,15 @@ def keeping(path: Path | None = None, **options: Any) -> orbits.Trajectory:
 def all_steps() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The samples, and times, positions and velocities of all steps, of that run."""
     run = keeping()
-    return run.q.value, run.kept.times, *run.kept.states(np.arange(len(run.kept)))
+    return run.q.value, run._kept.times, *run._kept.states(np.arange(len(run._kept)))
 
 
 def is_part_of_the_kept_run(run: orbits.Trajectory) -> bool:
     """Whether its samples and steps are those of the run, and undamaged."""
     samples, *steps = all_steps()
     run.archive.verify()
-    n = len(run.kept)
-    found = (run.kept.times, *run.kept.states(np.arange(n)))
+    n = len(run._kept)
+    found = (run._kept.times, *run._kept.states(np.arange(n)))
     return np.array_equal(run.q.value, samples[: len(run)]) and all(
         np.array_equal(mine, known[:n]) for mine, known in zip(found, steps, strict=True)
     )

@@ -80,7 +80,7 @@ READERS = {
     "plot": lambda run: run.plot(),
     "copy": lambda run: orbits.Trajectory.open(run.path).q,
     "array": lambda run: np.asarray(run.archive.q),
-    "blocks": lambda run: list(run.blocks()),
+    "blocks": lambda run: list(run._blocks()),
     "spk": lambda run: run.to_spk(Path(run.path).with_suffix(".bsp"), tolerance_km=1000),
 }
 

@@ -30,7 +30,7 @@ def doubled(case, times):
 
 
 @pytest.mark.faults
-@pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 def test_bars_of_eight_kinds_of_systems_contain_the_errors_and_are_rarely_thirty_times_larger(study):
     found = study.table(list(study.judged(doubled, each=4)))[-1]
     for way in (study.CHOSEN, study.CONSTANT):

@@ -114,7 +114,7 @@ def test_propagate_returns_its_own_run_whatever_takes_its_name_before_it_returns
 
 
 def test_a_run_that_was_opened_answers_from_its_own_file_after_another_took_its_name(path):
-    other = orbits.System.from_states(["a", "b"], [1, 1e-3], np.eye(2, 3), np.zeros((2, 3)), units=orbits.SOLAR)
+    other = orbits.System(["a", "b"], [1, 1e-3], np.eye(2, 3), np.zeros((2, 3)), units=orbits.SOLAR)
     run = orbits.Trajectory.open(small.finished(path))
     expected = repr(run.closest_approaches())
     path.unlink()

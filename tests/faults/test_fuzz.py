@@ -28,10 +28,10 @@ ABSURD = {
     "a radius": lambda x: SUN.with_rigid({"Sun": orbits.RigidBody(A=0.4, B=0.4, C=0.4, radius=x)}),
     "an attitude": lambda x: SUN.with_rigid({"Sun": orbits.RigidBody(A=0.4, B=0.4, C=0.4, radius=1.0, attitude=x)}),
     "coordinates": lambda x: orbits.WisdomHolman(coordinates=x),
-    "encounters": lambda x: orbits.SABA(encounters=x),
+    "encounters": lambda x: orbits.methods.SABA(encounters=x),
     "a model": orbits.solar_model,
-    "a spin": RUN.spin,
-    "a source of relativity": lambda x: SUN.with_terms(orbits.PostNewtonian(x, sources="Sun", c=1e3)),
+    "a spin": RUN.rotation.spin,
+    "a source of relativity": lambda x: SUN.with_terms(orbits.terms.PostNewtonian(x, sources="Sun", c=1e3)),
     "a path": orbits.resume,
 }
 

@@ -54,7 +54,7 @@ def test_the_closest_approaches_of_many_clones_are_refined_together_and_only_tho
     assert {one.other for one in first} == {"Earth"}
     assert counted.walks == 1
     assert counted.calls < refinement.ROUNDS  # Newton's method: however many clones there are
-    seen = run.passages
+    seen = run._passages
     dominant = set(seen.closest[seen.closest[:, 0] >= 0, 0].tolist()) - set(seen.flybys)
     assert not dominant & seen.refined
     every = [list(approaches[f"c{k}"]) for k in range(count)]
@@ -68,7 +68,7 @@ def test_approaches_refined_together_are_those_that_are_refined_one_by_one(monke
     run = clones(3)
     together = run.closest_approaches()
     found = [one for name in run.names for one in together[name]]
-    run.passages = None
+    run._passages = None
     monkeypatch.setattr(refinement, "_steps_follow_from_states", lambda run: False)
     alone = run.closest_approaches()
     expected = [one for name in run.names for one in alone[name]]

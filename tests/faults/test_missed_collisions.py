@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits import Collision, Merge
+from orbits.errors import ConvergenceError
+from orbits.events import Collision, Merge
+from orbits.methods import Composition
 from tests.propagation.meeting import contact, near_a_planet, passing, planetesimals
 
 METHODS: list[Any] = [
-    orbits.Gauss(stages=8), orbits.Gauss(stages=2), orbits.ImplicitMidpoint(), orbits.StormerVerlet(),
-    orbits.Composition(orbits.StormerVerlet(), order=4), orbits.SymplecticEuler(), orbits.RungeKutta4(),
+    orbits.Gauss(stages=8), orbits.Gauss(stages=2), orbits.methods.ImplicitMidpoint(), orbits.StormerVerlet(),
+    Composition(orbits.StormerVerlet(), order=4), orbits.methods.SymplecticEuler(), orbits.methods.RungeKutta4(),
 ]  # fmt: skip
 
 
@@ -37,7 +39,7 @@ def test_bodies_that_pass_within_a_step_touch_when_straight_lines_do(method, sec
 def test_all_collisions_of_small_planetesimals_are_found(dt, seed):
     for gm in (1e-16, 1e-13):
         for second in (gm, 0.0):
-            for then in (Merge(), "record", orbits.Bounce()) if second else (Merge(), "record"):
+            for then in (Merge(), "record", orbits.events.Bounce()) if second else (Merge(), "record"):
                 system = planetesimals(seed, gm, second)
                 run = orbits.propagate(system, dt=dt, duration=12.0, events=Collision(then=then), check_step=False)
                 assert {f"a{k}" for k in range(12)} == {event.body for event in run.events} - {"star"}
@@ -72,7 +74,7 @@ def test_all_collisions_of_small_bodies_near_a_planet_are_found():
         how: dict[str, Any] = {"dt": step, "samples": [0.0, time, step], "check_step": False}
         try:
             run = orbits.propagate(system, orbits.Gauss(), duration=step, events=Collision(), **how)
-        except orbits.errors.ConvergenceError:  # the following step, after which one falls to the planet, is too long
+        except ConvergenceError:  # the following step, after which one falls to the planet, is too long
             continue
         apart = float(np.linalg.norm(run.q.value[1, 3] - run.q.value[1, 2]))
         if apart < 2e-8:  # the step is short enough for the passage of the planet

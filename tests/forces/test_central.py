@@ -11,6 +11,7 @@ from orbits.kernels.binding import SumTag
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity.terms_and_forces import add_forces, total_particle_force
 from orbits.kernels.lanes import full, lane, load
+from orbits.terms import Damping, GasDrag, MassLoss, NonGravitational, RadiationPressure
 
 UNIT = orbits.DIMENSIONLESS
 EPS = 2.0**-53
@@ -45,18 +46,18 @@ def damped(r, w):
 
 
 FORCES = {
-    "light": (orbits.RadiationPressure(beta=0.2, c=7.0), light),
+    "light": (RadiationPressure(beta=0.2, c=7.0), light),
     "Marsden": (
-        orbits.NonGravitational(A1=0.1, A2=-0.2, A3=0.3, alpha=0.7, r0=1.3),
+        NonGravitational(A1=0.1, A2=-0.2, A3=0.3, alpha=0.7, r0=1.3),
         lambda r, w: marsden((0.1, -0.2, 0.3), r, w),
     ),
     "Yarkovsky": (
-        orbits.NonGravitational.yarkovsky(0.2, r0=1.5),
+        NonGravitational.yarkovsky(0.2, r0=1.5),
         lambda r, w: marsden((0.0, 0.2, 0.0), r, w, 1.0, 1.5, 2.0, 0.0, 0.0),
     ),
-    "damping": (orbits.Damping(tau_a=3.0, tau_e=0.5, tau_i=-2.0, pole=POLE), damped),
-    "gas": (orbits.GasDrag(per_length=0.4, r0=2.0, slope=1.5, eta=0.1, pole=POLE), wind),
-    "mass": (orbits.MassLoss(fraction=-0.01, since=0.25), lambda r, w: 0.01 * r / np.linalg.norm(r) ** 3),
+    "damping": (Damping(tau_a=3.0, tau_e=0.5, tau_i=-2.0, pole=POLE), damped),
+    "gas": (GasDrag(per_length=0.4, r0=2.0, slope=1.5, eta=0.1, pole=POLE), wind),
+    "mass": (MassLoss(fraction=-0.01, since=0.25), lambda r, w: 0.01 * r / np.linalg.norm(r) ** 3),
 }
 
 
@@ -112,7 +113,7 @@ def test_a_force_is_its_formula_on_bodies_stages_and_particles(force, formula):
 @pytest.mark.parametrize("stages", [False, True])
 def test_each_body_named_has_its_own_coefficient(stages):
     names = [f"p{k}" for k in range(11)]
-    force = orbits.RadiationPressure(beta=(0.1, 0.4, 0.2), bodies=("p5", "b", "p3"), c=1e9)
+    force = RadiationPressure(beta=(0.1, 0.4, 0.2), bodies=("p5", "b", "p3"), c=1e9)
     tags, parameters = bound(force, names)
     f, ones, zeros = np.zeros(9), np.repeat([1.0, 0.0, 0.0], 8).reshape(3, 8), np.zeros((3, 8))
     q = np.array([1.0, 0.0, 1.0, 0, 0, 0, 0, 0, 0])
@@ -126,7 +127,7 @@ def test_each_body_named_has_its_own_coefficient(stages):
 
 
 def test_what_has_no_orbital_plane_gets_no_transverse_force():
-    tags, parameters = bound(orbits.NonGravitational(A1=0.1, A2=0.2, A3=0.3, r0=1.0))
+    tags, parameters = bound(NonGravitational(A1=0.1, A2=0.2, A3=0.3, r0=1.0))
     f = np.zeros(9)
     on_bodies(tags, STRENGTH, parameters, 0.0, np.array([1.0, 0, 3.0, 0, 0, 0, 0, 0, 0]), np.zeros(9), f)
     assert np.all(np.isfinite(f))
@@ -135,24 +136,24 @@ def test_what_has_no_orbital_plane_gets_no_transverse_force():
 
 
 GIVEN = {
-    "no beta": (lambda: orbits.RadiationPressure(c=1.0), "beta is missing"),
-    "negative beta": (lambda: orbits.RadiationPressure(beta=-1, c=1.0), "expected numbers >= 0"),
-    "no c": (lambda: orbits.RadiationPressure(beta=1), "has no speed of light: give c="),
-    "c": (lambda: orbits.RadiationPressure(beta=1, c=0), "expected a speed > 0"),
-    "no A": (lambda: orbits.NonGravitational(r0=1.0), "are all 0; expected one at least"),
-    "no r0": (lambda: orbits.NonGravitational(A2=1.0), "has no au: give a length"),
-    "two A": (lambda: orbits.NonGravitational(A2=(1.0, 2.0), r0=1.0), "bodies does not name any"),
-    "NaN": (lambda: orbits.NonGravitational(A2=np.nan, r0=1.0), "A2 of NonGravitational is nan; expected finite"),
-    "no tau": (lambda: orbits.Damping(), "are missing; expected one time at least"),
-    "tau": (lambda: orbits.Damping(tau_e=0.0), "tau_e is 0"),
-    "pole": (lambda: orbits.Damping(tau_i=1.0, pole=(0, 0, 0)), "pole of Damping"),
-    "no k": (lambda: orbits.GasDrag(r0=1.0), "per_length is missing"),
-    "k": (lambda: orbits.GasDrag(per_length=-1.0, r0=1.0), "per_length is -1.0; expected numbers >= 0"),
-    "eta": (lambda: orbits.GasDrag(per_length=1.0, r0=1.0, eta=0.5), "expected 0 <= eta < 1/2"),
-    "no fraction": (lambda: orbits.MassLoss(), "fraction is missing"),
-    "fractions": (lambda: orbits.MassLoss(fraction=(1.0, 2.0)), "expected one finite number"),
-    "itself": (lambda: orbits.Damping(tau_a=1.0, bodies=["star"]), "comes from 'star' and cannot act on it"),
-    "massless": (lambda: orbits.Damping(tau_a=1.0, source="grain"), "gm of 'grain' is 0"),
+    "no beta": (lambda: RadiationPressure(c=1.0), "beta is missing"),
+    "negative beta": (lambda: RadiationPressure(beta=-1, c=1.0), "expected numbers >= 0"),
+    "no c": (lambda: RadiationPressure(beta=1), "has no speed of light: give c="),
+    "c": (lambda: RadiationPressure(beta=1, c=0), "expected a speed > 0"),
+    "no A": (lambda: NonGravitational(r0=1.0), "are all 0; expected one at least"),
+    "no r0": (lambda: NonGravitational(A2=1.0), "has no au: give a length"),
+    "two A": (lambda: NonGravitational(A2=(1.0, 2.0), r0=1.0), "bodies does not name any"),
+    "NaN": (lambda: NonGravitational(A2=np.nan, r0=1.0), "A2 of NonGravitational is nan; expected finite"),
+    "no tau": (lambda: Damping(), "are missing; expected one time at least"),
+    "tau": (lambda: Damping(tau_e=0.0), "tau_e is 0"),
+    "pole": (lambda: Damping(tau_i=1.0, pole=(0, 0, 0)), "pole of Damping"),
+    "no k": (lambda: GasDrag(r0=1.0), "per_length is missing"),
+    "k": (lambda: GasDrag(per_length=-1.0, r0=1.0), "per_length is -1.0; expected numbers >= 0"),
+    "eta": (lambda: GasDrag(per_length=1.0, r0=1.0, eta=0.5), "expected 0 <= eta < 1/2"),
+    "no fraction": (lambda: MassLoss(), "fraction is missing"),
+    "fractions": (lambda: MassLoss(fraction=(1.0, 2.0)), "expected one finite number"),
+    "itself": (lambda: Damping(tau_a=1.0, bodies=["star"]), "comes from 'star' and cannot act on it"),
+    "massless": (lambda: Damping(tau_a=1.0, source="grain"), "gm of 'grain' is 0"),
 }
 
 
@@ -167,7 +168,7 @@ def test_what_makes_no_sense_is_refused_with_a_reason(force, words):
 
 
 def test_a_force_goes_with_its_bodies_and_with_its_source():
-    force = orbits.RadiationPressure(beta=(0.1, 0.2), bodies=["planet", "grain"], c=1.0)
+    force = RadiationPressure(beta=(0.1, 0.2), bodies=["planet", "grain"], c=1.0)
     acting = system().with_forces(force)
     (left,) = acting.remove("planet").forces
     assert (left.bodies, left.beta, left.source) == (("grain",), (0.2,), "star")
@@ -178,13 +179,13 @@ def test_the_beta_of_a_grain_is_that_of_burns_lamy_and_soter():
     from astropy import units as u
 
     # beta = 0.57 Q / (rho s), with the radius in um and the density in g/cm3.
-    beta = orbits.RadiationPressure.beta_of_sphere(2 * u.um, 2.5 * u.g / u.cm**3, 0.9)
+    beta = RadiationPressure.beta_of_sphere(2 * u.um, 2.5 * u.g / u.cm**3, 0.9)
     assert beta == pytest.approx(0.574 * 0.9 / 5.0, rel=2e-3)
     with pytest.raises(InputError, match="expected a length and a density"):
-        orbits.RadiationPressure.beta_of_sphere(2 * u.yr, 1.0)
+        RadiationPressure.beta_of_sphere(2 * u.yr, 1.0)
 
 
 def test_light_has_its_own_speed_in_physical_units():
-    star = orbits.System.from_states(["Sun"], gm=[1.3e20], q=[[0, 0, 0]], v=[[0, 0, 0]])
-    with pytest.raises(orbits.InputError, match=r"RadiationPressure: c is 2 AU / d, .*expected the speed of light"):
-        star.with_forces(orbits.RadiationPressure(beta=0.1, c=2.0))
+    star = orbits.System(["Sun"], gm=[1.3e20], q=[[0, 0, 0]], v=[[0, 0, 0]])
+    with pytest.raises(InputError, match=r"RadiationPressure: c is 2 AU / d, .*expected the speed of light"):
+        star.with_forces(RadiationPressure(beta=0.1, c=2.0))

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits import InputError
+from orbits.errors import InputError
 from orbits.integrators import parse
 
 METHODS = {
     "Gauss": (lambda count: orbits.Gauss(stages=count), 2),
-    "LobattoIIIAB": (lambda count: orbits.LobattoIIIAB(stages=count), 3),
-    "LobattoIIIBA": (lambda count: orbits.LobattoIIIBA(stages=count), 3),
-    "Composition": (lambda count: orbits.Composition(orbits.StormerVerlet(), order=count), 6),
+    "LobattoIIIAB": (lambda count: orbits.methods.LobattoIIIAB(stages=count), 3),
+    "LobattoIIIBA": (lambda count: orbits.methods.LobattoIIIBA(stages=count), 3),
+    "Composition": (lambda count: orbits.methods.Composition(orbits.StormerVerlet(), order=count), 6),
     "WisdomHolman": (lambda count: orbits.WisdomHolman(corrector=count), 17),
-    "SABA, the first order alone": (lambda count: orbits.SABA(count), 10),
-    "SABA, all orders": (lambda count: orbits.SABA(count, 6, 4), 8),
+    "SABA, the first order alone": (lambda count: orbits.methods.SABA(count), 10),
+    "SABA, all orders": (lambda count: orbits.methods.SABA(count, 6, 4), 8),
 }
 
 

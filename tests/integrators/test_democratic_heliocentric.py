@@ -73,7 +73,7 @@ def test_the_order_is_two_with_particles_too():
 def test_the_order_of_the_bodies_does_not_matter_to_the_last_bit():
     """REBOUND asserts 1e-14 after a period of Jupiter with two bodies swapped."""
     assert "<1e-14 after 1 Jyr" in BOUNDS["test_whfast.test_whfasthelio_orderdoesnotmatter"]
-    start = orbits.from_rebound(rebounds_outer_solar_system()).values
+    start = orbits.rebound.from_rebound(rebounds_outer_solar_system()).values
     order = [0, 2, 1, *range(3, len(start.gm))]
     h = 0.005 * 11.862 * 2 * np.pi
     straight = march(METHOD, start.gm, start.q, start.v, h, 200)
@@ -103,7 +103,7 @@ def test_energies_are_within_rebounds_bounds():
     """
     assert "democraticheliocentric <1.5e-8" in BOUNDS["test_whfast.test_whfast_outersolarsystem"]
     turn = 2 * np.pi
-    outer = orbits.from_rebound(rebounds_outer_solar_system()).values
+    outer = orbits.rebound.from_rebound(rebounds_outer_solar_system()).values
     gm = np.array([1.0, 1e-3])
     x, w = state_from_elements(1.001, a=-1.0, e=2.5, M=0.0)
     unbound = Start(gm, np.array([-1e-3 * x, x]) / 1.001, np.array([-1e-3 * w, w]) / 1.001)
@@ -119,7 +119,7 @@ def test_energies_are_within_rebounds_bounds():
 def test_it_is_the_map_of_whfast():
     """REBOUND's steps from the same start, 100 of them: to the rounding of both."""
     start = rebounds_outer_solar_system()
-    x = orbits.from_rebound(start).values
+    x = orbits.rebound.from_rebound(start).values
     start.integrator = "whfast"
     start.integrator.coordinates = "democraticheliocentric"
     start.dt = 0.06 * 2 * np.pi

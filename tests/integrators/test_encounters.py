@@ -137,8 +137,8 @@ def test_a_march_stops_where_a_particle_is_farther():
 
 def test_a_run_ends_where_the_energy_error_exceeds_a_bound():
     bound = 1e-3
-    run = ellipse(0.6, 0.04, (0.5, 0.5), method=orbits.RungeKutta4(), energy_bound=bound)
-    plain = ellipse(0.6, 0.04, (0.5, 0.5), method=orbits.RungeKutta4())
+    run = ellipse(0.6, 0.04, (0.5, 0.5), method=orbits.methods.RungeKutta4(), energy_bound=bound)
+    plain = ellipse(0.6, 0.04, (0.5, 0.5), method=orbits.methods.RungeKutta4())
 
     def energy():
         q, v = plain.state()

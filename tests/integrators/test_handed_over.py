@@ -8,11 +8,13 @@ from astropy import units as u
 
 import orbits
 from orbits.elements import ecliptic_to_icrf, state_from_elements
+from orbits.errors import InputError, RetiredWarning, SingularityError, StepWarning
 from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Place
 from orbits.marching.legs.leg import Leg
+from orbits.terms import ZonalHarmonics
 
 FOLLOW, WARN = orbits.WisdomHolman(encounters="follow"), orbits.WisdomHolman(encounters="warn")
 GAUSS = orbits.Gauss(stages=8)
@@ -112,7 +114,7 @@ def test_crossers_come_out_of_their_encounters_as_by_steps_chosen_one_by_one():
 def system(elements):
     gm, q, v = with_particles(elements)
     names = ["Sun", "Jupiter", "Saturn", *(f"p{k}" for k in range(len(elements)))]
-    return orbits.System.from_states(names, gm, q, v, units=orbits.SOLAR, epoch="2022-08-09")
+    return orbits.System(names, gm, q, v, units=orbits.SOLAR, epoch="2022-08-09")
 
 
 def ends(start, method=None, *, years=-40, **options):
@@ -122,7 +124,7 @@ def ends(start, method=None, *, years=-40, **options):
 
 def test_crossers_are_followed_by_the_terms_of_the_run_too():
     """In steps of 25 days, about a Sun as flat as puts them 1e5 km off in 40 years; and each alone to the same bits."""
-    flat = orbits.ZonalHarmonics("Sun", J2=1e-3, radius=0.3 * u.au, pole=(0.2, 0.1, 0.97))
+    flat = ZonalHarmonics("Sun", J2=1e-3, radius=0.3 * u.au, pole=(0.2, 0.1, 0.97))
     start = system(CROSSERS[:16]).with_terms(flat)
     found, exact, round_ = ends(start, FOLLOW, dt=25 * u.day), ends(start), ends(start.replaced(terms=()))
     off, flatness = np.linalg.norm(found - exact, axis=1)[3:], np.linalg.norm(round_ - exact, axis=1)[3:]
@@ -163,7 +165,7 @@ def test_samples_archives_threads_and_times_between_leave_the_run_as_it_is(tmp_p
     """
     start, options = system([*CROSSERS[:16], PLUNGER]), {"dt": -DT * u.day, "progress": False}
     with warnings.catch_warnings():
-        warnings.simplefilter("error", orbits.StepWarning)  # all passages are followed
+        warnings.simplefilter("error", StepWarning)  # all passages are followed
         many = orbits.propagate(start, FOLLOW, duration=-30 * u.yr, samples=41, approaches=True, **options)
         part = orbits.propagate(
             start, FOLLOW, duration=-11 * u.yr, samples=3, archive=tmp_path / "run.h5", threads=2, **options
@@ -182,7 +184,7 @@ def test_samples_archives_threads_and_times_between_leave_the_run_as_it_is(tmp_p
         assert abs(one.time - other.time) < 0.01 * u.day
 
 
-@pytest.mark.filterwarnings("ignore::orbits.RetiredWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.RetiredWarning")
 def test_particles_that_hit_a_body_are_retired_with_time_and_place(tmp_path):
     """Jupiter and the Sun with radii of 0.1 and 0.12 au: time and place are those at which steps chosen one by one have
     that distance, but for what the map leaves of the way there; the others keep their bits.
@@ -217,16 +219,16 @@ def test_particles_that_hit_a_body_are_retired_with_time_and_place(tmp_path):
     ]
 
 
-@pytest.mark.filterwarnings("ignore::orbits.RetiredWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.RetiredWarning")
 @pytest.mark.parametrize("encounters", ["follow", "warn"])
 def test_what_is_ejected_or_falls_too_close_is_retired_after_every_64th_step(encounters):
     gm, q, v = with_particles([(3.0, 0.0, 1.0), (2.9, 0.3, 1.0), QUIET[1]])
     v[3] *= 1.5  # on an open orbit
     names = ["Sun", "Jupiter", "Saturn", "comet", "stone", "rock"]
-    start = orbits.System.from_states(names, gm, q, v, units=orbits.SOLAR)
+    start = orbits.System(names, gm, q, v, units=orbits.SOLAR)
     method = orbits.WisdomHolman(encounters=encounters, ejected_beyond=30.0, lost_within=2.1)
     options = {"dt": 60 * u.day, "duration": 50 * u.yr, "progress": False, "check_step": False}
-    with pytest.warns(orbits.RetiredWarning, match="retired 2 massless particles, as asked: their q and v") as seen:
+    with pytest.warns(RetiredWarning, match="retired 2 massless particles, as asked: their q and v") as seen:
         run = orbits.propagate(start, method, samples=3, **options)
     assert not any("smaller dt" in str(each.message) for each in seen)
     again = orbits.propagate(start, method, samples=29, **options)
@@ -251,13 +253,13 @@ def test_planets_that_meet_end_the_run_if_asked():
     q[1], v[1] = state_from_elements(gm[0], a=5.1, e=0.02, M=1.5)
     q[1:3], v[1:3] = q[1:3] + q[0], v[1:3] + v[0]
     gm[1:3] *= [0.1, 0.3]
-    start = orbits.System.from_states(["Sun", "one", "other", "p"], gm, q, v, units=orbits.SOLAR)
+    start = orbits.System(["Sun", "one", "other", "p"], gm, q, v, units=orbits.SOLAR)
     options = {"dt": DT * u.day, "duration": 300 * u.yr, "progress": False, "check_step": False}
     warned = orbits.propagate(start, WARN, samples=4, **options)
     met = min(warned.unresolved(), key=lambda passage: passage.time)
     ends = []
     for samples in (4, 61):
-        with pytest.raises(orbits.SingularityError, match="within 3 mutual Hill radii") as caught:
+        with pytest.raises(SingularityError, match="within 3 mutual Hill radii") as caught:
             orbits.propagate(start, orbits.WisdomHolman(planets="refuse"), samples=samples, **options)
         ends.append(caught.value.step)
         assert set(caught.value.bodies) == {"one", "other"}
@@ -266,13 +268,13 @@ def test_planets_that_meet_end_the_run_if_asked():
 
 
 def test_what_does_not_fit_is_refused():
-    with pytest.raises(orbits.InputError, match="expected 'warn', 'follow' or 'refuse'"):
+    with pytest.raises(InputError, match="expected 'warn', 'follow' or 'refuse'"):
         orbits.WisdomHolman(planets="leave")
-    with pytest.raises(orbits.InputError, match="ejected_beyond is -3; expected a distance above 0"):
+    with pytest.raises(InputError, match="ejected_beyond is -3; expected a distance above 0"):
         orbits.WisdomHolman(ejected_beyond=-3)
-    with pytest.raises(orbits.InputError, match=r"unit of length, such as ejected_beyond=100$"):
+    with pytest.raises(InputError, match=r"unit of length, such as ejected_beyond=100$"):
         orbits.WisdomHolman(ejected_beyond=100 * u.au)
-    with pytest.raises(orbits.InputError, match="lost_within is 3, and ejected_beyond 2; expected a smaller"):
+    with pytest.raises(InputError, match="lost_within is 3, and ejected_beyond 2; expected a smaller"):
         orbits.WisdomHolman(lost_within=3, ejected_beyond=2)
 
 
@@ -287,7 +289,7 @@ def two_equal_planets(apart=0.235, mass=1e-3):
 def test_planets_meet_within_mutual_hill_radii_not_within_those_of_one():
     start, options = two_equal_planets(), {"duration": 40.0, "samples": 2, "progress": False, "check_step": False}
     method = orbits.WisdomHolman(planets="refuse")
-    with pytest.raises(orbits.errors.SingularityError, match="within 3 mutual Hill radii"):
+    with pytest.raises(SingularityError, match="within 3 mutual Hill radii"):
         orbits.propagate(start, method, dt=0.05, **options)
     far = two_equal_planets(0.4)
     assert orbits.propagate(far, method, dt=0.05, **options).times[-1] == 40.0

@@ -65,9 +65,9 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_the_order_of_the_bodi
 def test_a_run_with_terms_is_resumed_to_the_same_bits_while_particles_are_away(tmp_path):
     names = ["star", "inner", "outer", *(f"p{k}" for k in range(25))]
     system = orbits.System(names, *crossers(), units=orbits.DIMENSIONLESS).with_terms(
-        orbits.ZonalHarmonics("star", J2=2e-3, radius=0.05, pole=POLE),
-        orbits.PostNewtonian(sources=["star"], c=100.0),
-        orbits.FrameDragging("star", spin=5e-2, pole=POLE, c=100.0),
+        orbits.terms.ZonalHarmonics("star", J2=2e-3, radius=0.05, pole=POLE),
+        orbits.terms.PostNewtonian(sources=["star"], c=100.0),
+        orbits.terms.FrameDragging("star", spin=5e-2, pole=POLE, c=100.0),
     )
     options = {"dt": 0.04, "samples": 3, "progress": False}
     whole = orbits.propagate(system, FOLLOW, duration=TIME, **options)

@@ -24,7 +24,7 @@ from ..problems import rebounds_outer_solar_system
 DATA = json.loads(data_path("rebound_test_bounds.json").read_text())
 MERCURIUS = {row["name"]: row["asserts"] for row in DATA["tests"]}["test_mercurius.test_outer_solar / many_encounters"]
 
-JACOBI, SEVERAL_KICKS = orbits.WisdomHolman(planets="follow"), orbits.SABA(planets="follow")
+JACOBI, SEVERAL_KICKS = orbits.WisdomHolman(planets="follow"), orbits.methods.SABA(planets="follow")
 HELIOCENTRIC = orbits.WisdomHolman(coordinates="democratic-heliocentric", planets="follow")
 YEAR = 2 * math.pi
 
@@ -55,7 +55,7 @@ def outer_solar_system(times_heavier=1.0):
     sim = rebounds_outer_solar_system()
     for planet in sim.particles[1:]:
         planet.m *= times_heavier
-    return orbits.from_rebound(sim), sim.particles[1].P
+    return orbits.rebound.from_rebound(sim), sim.particles[1].P
 
 
 def plunging():
@@ -66,7 +66,7 @@ def plunging():
     sim.add(primary=sun, m=9.55e-4, a=5.2)
     sim.add(primary=sun, m=2.857e-4, a=9.58, e=0.99, inc=math.pi / 2)
     sim.move_to_com()
-    return orbits.from_rebound(sim)
+    return orbits.rebound.from_rebound(sim)
 
 
 def propagated(system, method, dt, duration):
@@ -108,7 +108,7 @@ def test_planets_fifty_times_as_heavy_are_followed_through_their_encounters(meth
 # 1.2e-5: above the bound of MERCURIUS, and below that of TRACE. So the last is held to a thousandth of what WHFast
 # loses, 0.024: 1e-4 to 5e-4 are reached.
 @pytest.mark.parametrize(("method", "most"), [(JACOBI, 1e-7), (SEVERAL_KICKS, 1e-12), (HELIOCENTRIC, 5e-5)], ids=str)
-@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 def test_six_planets_keep_their_energy_through_two_hundred_encounters(method, most):
     """MERCURIUS is held to 5e-6, TRACE to 5e-5, both to a ten-thousandth of what WHFast loses at the end."""
     assert MERCURIUS.endswith("6 bodies T=2000: dE<5e-6 and 1e4x better than whfast")
@@ -123,14 +123,14 @@ def test_six_planets_keep_their_energy_through_two_hundred_encounters(method, mo
 
 # 4.7e-9, 1.8e-11 and 1.0e-5 were reached; the largest error of TRACE is 1.3e-5, and MERCURIUS loses 3 % of the energy.
 @pytest.mark.parametrize(("method", "most"), [(JACOBI, 1e-8), (SEVERAL_KICKS, 4e-11), (HELIOCENTRIC, 1.2e-5)], ids=str)
-@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 def test_pericentres_of_a_planet_with_an_eccentricity_of_0_99_are_followed(method, most):
     run = propagated(plunging(), method, 0.15 * YEAR, 10 * 29.4 * YEAR)
     assert run.excursions.total >= 10  # one in each of ten revolutions
     assert energy_errors(run).max() < most  # 1e-4 is asserted by test_pericenter of TRACE
 
 
-@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 def test_a_particle_between_star_and_planet_keeps_its_jacobi_constant():
     """test_chaotic_exchange of TRACE: a planet of a hundredth of the mass at 5.2 au, 318 years, steps of 8 days."""
     mass, a = 0.01 / 0.99, 5.2
@@ -158,7 +158,7 @@ def test_a_particle_between_star_and_planet_keeps_its_jacobi_constant():
 
 
 @pytest.mark.parametrize("coordinates", ["jacobi", "democratic-heliocentric"])
-@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 def test_a_particle_that_is_followed_by_the_planet_changes_no_bit_of_it(coordinates):
     """test_no_effect_tp; here it is bound to the planet."""
     method = orbits.WisdomHolman(coordinates=coordinates, encounters="follow")

@@ -103,7 +103,7 @@ def test_an_option_that_is_not_used_does_not_show_so_that_older_archives_and_lab
     assert integrators.describe(plain) == {"name": "gauss", "parameters": {"stages": 8}}
     assert integrators.build({"name": "gauss", "parameters": {"stages": 8}}) == plain
     assert integrators.parse("gauss(stages=8, close_pairs=True)") == close
-    for method in (plain, close, orbits.Composition(base=orbits.Gauss(stages=1, close_pairs=True), order=4)):
+    for method in (plain, close, orbits.methods.Composition(base=orbits.Gauss(stages=1, close_pairs=True), order=4)):
         assert integrators.build(integrators.describe(method)) == method
         assert integrators.parse(method.label) == method
 
@@ -124,6 +124,6 @@ def test_a_run_with_close_pairs_is_resumed_from_its_archive_to_the_same_bits(tmp
 def test_close_pairs_is_refused_where_it_would_do_nothing():
     with pytest.raises(InputError, match=r"close_pairs is 1"):
         orbits.Gauss(stages=8, close_pairs=1)
-    system = moon()[0].with_forces(orbits.Drag(rate=1e-6, bodies=["B"]))
+    system = moon()[0].with_forces(orbits.terms.Drag(rate=1e-6, bodies=["B"]))
     with pytest.raises(InputError, match=r"forces that depend on positions alone.*use Gauss\(stages=8\)"):
         orbits.propagate(system, orbits.Gauss(stages=8, close_pairs=True), dt=1e-4, duration=1e-3)

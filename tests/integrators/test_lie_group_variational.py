@@ -9,11 +9,11 @@ from orbits import rotations
 from orbits.errors import ConvergenceError, InputError, SingularityError
 from orbits.lagrangians import euler_top, full_two_body, heavy_top, rigid_body
 
-LGVI = orbits.LieGroupVariational()
+LGVI = orbits.methods.LieGroupVariational()
 
 
 def composed(order):
-    return LGVI if order == 2 else orbits.Composition(LGVI, order=order)
+    return LGVI if order == 2 else orbits.methods.Composition(LGVI, order=order)
 
 
 def spinning_top():
@@ -177,5 +177,5 @@ def test_a_torque_that_is_not_finite_ends_the_march_with_the_states_before():
 def test_other_lagrangians_are_refused_and_methods_named_that_can():
     with pytest.raises(InputError, match=r"one of rigid bodies; 'kepler' is not\. Use .*Gauss"):
         orbits.march(orbits.lagrangians.kepler, LGVI, dt=0.1, steps=1)
-    assert orbits.Composition(LGVI, order=4).serves(heavy_top)
-    assert not orbits.Composition(LGVI, order=4).serves(orbits.lagrangians.kepler)
+    assert orbits.methods.Composition(LGVI, order=4).serves(heavy_top)
+    assert not orbits.methods.Composition(LGVI, order=4).serves(orbits.lagrangians.kepler)

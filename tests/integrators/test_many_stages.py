@@ -74,9 +74,9 @@ def test_the_error_of_one_step_falls_with_the_power_order_plus_one_in_58_digits(
 
 
 def test_many_stages_refuse_what_is_not_separable_and_their_number_has_an_end():
-    with pytest.raises(orbits.InputError, match=r"separable Lagrangians only; 'charged-particle'.*Use 8 stages"):
+    with pytest.raises(orbits.errors.InputError, match=r"separable Lagrangians only; 'charged-particle'.*Use 8 stages"):
         orbits.march(orbits.lagrangians.charged_particle, TWELVE, dt=0.1, steps=1)
-    with pytest.raises(orbits.InputError, match="between 1 and 32"):
+    with pytest.raises(orbits.errors.InputError, match="between 1 and 32"):
         orbits.Gauss(stages=33)
 
 

@@ -9,6 +9,7 @@ import pytest
 import orbits
 from orbits import discrete
 from orbits.marching.flow import Flow
+from orbits.methods import LobattoIIIAB, LobattoIIIBA
 from orbits.tableaux import gauss, lobatto_iiia_iiib
 
 from ..problems import kepler_orbit
@@ -48,7 +49,7 @@ errors of q and p of a harmonic oscillator, m = 1, k = 0.5, q = 0.5, p = 0, afte
 @pytest.mark.parametrize(("family", "stages"), [(family, int(s)) for family, bounds in BOUNDS.items() for s in bounds])
 @pytest.mark.parametrize("canonical", [False, True], ids=["second-order form", "canonical form"])
 def test_the_bounds_of_geometric_integrators_are_met(family, stages, canonical):
-    method = {"Gauss": orbits.Gauss, "IIIA": orbits.LobattoIIIAB, "IIIB": orbits.LobattoIIIBA}[family](stages=stages)
+    method = {"Gauss": orbits.Gauss, "IIIA": LobattoIIIAB, "IIIB": LobattoIIIBA}[family](stages=stages)
     flow = Flow(orbits.lagrangians.harmonic_oscillator, method, 0.1, canonical=canonical)
     q, p = flow.step([0.5], [0.0], 10)
     w = np.sqrt(0.5)
@@ -80,16 +81,16 @@ def test_midpoint_equations_are_gauss_with_one_stage_to_a_few_ulps(L):
 
 @pytest.mark.parametrize("L", [KEPLER, orbits.lagrangians.henon_heiles], ids=lambda L: L.name)
 def test_trapezoidal_equations_are_lobatto_with_two_stages_and_stormer_verlet(L):
-    for method in (orbits.StormerVerlet(), orbits.LobattoIIIAB(stages=2)):
+    for method in (orbits.StormerVerlet(), LobattoIIIAB(stages=2)):
         assert one_step_ulps(L, method, discrete.trapezoidal(L)) < 15  # 4.75 at most was reached
     verlet = orbits.march(L, orbits.StormerVerlet(), dt=0.1, steps=20)
-    lobatto = orbits.march(L, orbits.LobattoIIIAB(stages=2), dt=0.1, steps=20)
+    lobatto = orbits.march(L, LobattoIIIAB(stages=2), dt=0.1, steps=20)
     assert ulps(verlet.q, lobatto.q) < 8
 
 
 def test_with_a_magnetic_term_the_trapezoidal_rule_is_another_method_than_lobatto():
     L = orbits.lagrangians.charged_particle
-    path = orbits.march(L, orbits.LobattoIIIAB(stages=2), dt=0.1, steps=1)
+    path = orbits.march(L, LobattoIIIAB(stages=2), dt=0.1, steps=1)
     q, _ = discrete.step(discrete.trapezoidal(L), path.q[0], path.p[0], 0.1)
     assert 1e-6 < np.abs(q - path.q[1]).max() < 1e-2
 

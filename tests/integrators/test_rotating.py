@@ -9,16 +9,17 @@ from orbits import rotations
 from orbits.diagnostics.free_top import free_top
 from orbits.errors import SingularityError
 from orbits.lagrangians import euler_top, full_two_body, heavy_top, rigid_body
+from orbits.methods import Composition
 
 from ..kernels.rotors import drawn
 
 VERLET = orbits.StormerVerlet()
 METHODS = [
     (VERLET, 2, (40, 80)),
-    (orbits.Composition(order=4), 4, (20, 40)),
-    (orbits.Composition(order=4, scheme="suzuki"), 4, (20, 40)),
-    (orbits.Composition(order=6), 6, (10, 20)),
-    (orbits.Composition(order=8), 8, (8, 12)),
+    (Composition(order=4), 4, (20, 40)),
+    (Composition(order=4, scheme="suzuki"), 4, (20, 40)),
+    (Composition(order=6), 6, (10, 20)),
+    (Composition(order=8), 8, (8, 12)),
 ]
 
 
@@ -45,7 +46,7 @@ def test_two_bodies_converge_and_keep_their_whole_angular_momentum():
     q = np.array([1.5, 0.1, 0.2, *rotations.start((0, 0, 0), (1, 0.3, 0.1, 0.2))[0]])
     v = np.array([0.0, 0.9, 0.1, *rotations.start((0.2, 0.3, 1.0), (1, 0.3, 0.1, 0.2))[1]])
     truth, _ = end_of(pair, orbits.Gauss(stages=8), q, v, 4.0, 200)
-    errors = [np.abs(end_of(pair, orbits.Composition(order=4), q, v, 4.0, n)[0] - truth).max() for n in (50, 100)]
+    errors = [np.abs(end_of(pair, Composition(order=4), q, v, 4.0, n)[0] - truth).max() for n in (50, 100)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
     path = orbits.march(pair, VERLET, q=q, v=v, dt=0.02, steps=10_000, every=100)
     charges = np.array([path.momentum_map(group) for group in pair.symmetries[:3]])
@@ -84,7 +85,7 @@ def test_a_hundred_thousand_revolutions_in_steps_keep_ten_digits():
 
 def test_both_angular_momenta_of_a_top_in_gravity_keep_their_last_digits():
     q, v = spinning_top()
-    path = orbits.march(heavy_top, orbits.Composition(order=4), q=q, v=v, dt=0.02, steps=20_000, every=100)
+    path = orbits.march(heavy_top, Composition(order=4), q=q, v=v, dt=0.02, steps=20_000, every=100)
     for group in heavy_top.symmetries[:2]:
         charge = path.momentum_map(group)
         # Rounding of the torques: 5e-15 was seen.
@@ -103,7 +104,7 @@ def test_a_length_of_the_quaternion_that_moves_is_followed_as_gauss_does():
 
 def test_the_map_does_not_depend_on_where_a_march_is_cut():
     q, v = spinning_top()
-    method = orbits.Composition(order=6)
+    method = Composition(order=6)
     path = orbits.march(heavy_top, method, q=q, v=v, dt=0.05, steps=40)
     flow = orbits.Flow(heavy_top, method, 0.05)
     again, momentum = flow.step(path.q[20], path.p[20], 20)

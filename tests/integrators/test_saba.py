@@ -15,19 +15,21 @@ from orbits.kernels.maps.jacobi_stages import advance_planets, finish_velocities
 from orbits.kernels.maps.programs import LENGTH, programs_of
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
+from orbits.methods import SABA
+from orbits.rebound import from_rebound
 
 from ..contracts.problems import march
 from ..maps import BOUNDS, EVERYWHERE, KM, among_planets, energies, marched, solar_system, system
 from ..problems import rebounds_outer_solar_system, three_bodies
 
-DEFAULT, EIGHT, CLASSIC = orbits.SABA(), orbits.SABA(8, 6, 4), orbits.SABA(8, 2)
-SCHEMES = [DEFAULT, EIGHT, orbits.SABA(8, 4), CLASSIC, orbits.SABA(2, 2)]
+DEFAULT, EIGHT, CLASSIC = SABA(), SABA(8, 6, 4), SABA(8, 2)
+SCHEMES = [DEFAULT, EIGHT, SABA(8, 4), CLASSIC, SABA(2, 2)]
 GAUSS = orbits.Gauss(stages=8)
 
 
 @pytest.mark.parametrize(
     ("method", "n", "most"),
-    [(orbits.SABA(2, 2), 24, 6e-4), (CLASSIC, 48, 3e-6), (orbits.SABA(8, 4), 24, 4e-7), (EIGHT, 48, 4e-11),
+    [(SABA(2, 2), 24, 6e-4), (CLASSIC, 48, 3e-6), (SABA(8, 4), 24, 4e-7), (EIGHT, 48, 4e-11),
      (DEFAULT, 48, 3e-11)],
     ids=str,
 )  # fmt: skip
@@ -54,15 +56,15 @@ def test_a_thousand_years_of_ten_bodies_in_steps_of_a_week_are_as_accurate_as_by
 
 
 @pytest.mark.parametrize(("method", "most"), [
-    (orbits.SABA(2, 2), 2e-7), (orbits.SABA(4, 2), 1e-10), (orbits.SABA(6, 2), 2e-11), (CLASSIC, 2e-11),
-    (orbits.SABA(8, 4), 5e-13), (EIGHT, 5e-13), (DEFAULT, 5e-13),
+    (SABA(2, 2), 2e-7), (SABA(4, 2), 1e-10), (SABA(6, 2), 2e-11), (CLASSIC, 2e-11),
+    (SABA(8, 4), 5e-13), (EIGHT, 5e-13), (DEFAULT, 5e-13),
 ], ids=str)  # fmt: skip
 def test_the_energy_of_the_outer_solar_system_is_within_rebounds_bounds(method, most):
     """For steps of 0.0123 periods of Jupiter and 1000 years: its bounds for SABA1, 2, 3, 4 and for those of high
     order; at any time here, where REBOUND's own tests look at the end.
     """
     assert "SABA2 1e-10, SABA3/4 2e-11, SABA10,4/8,6,4/10,6,4/H 5e-13" in BOUNDS["test_saba"]
-    start = orbits.from_rebound(rebounds_outer_solar_system()).values
+    start = from_rebound(rebounds_outer_solar_system()).values
     found = energies(method, start, 0.0123235235 * 11.862 * 2 * np.pi, 6840)
     assert np.abs(found / found[0] - 1.0).max() < most
 
@@ -71,7 +73,7 @@ def test_the_energy_of_the_outer_solar_system_is_within_rebounds_bounds(method, 
 def test_it_is_the_map_of_rebound(method, kind):
     """REBOUND's steps from the same start, 100 of them: to the rounding of both."""
     start = rebounds_outer_solar_system()
-    x = orbits.from_rebound(start).values
+    x = from_rebound(start).values
     start.integrator = "saba"
     start.integrator.type = kind
     start.dt = 0.06 * 2 * np.pi
@@ -85,7 +87,7 @@ def test_it_is_the_map_of_rebound(method, kind):
 def test_forth_and_back_on_the_outer_solar_system_not_much_is_missing():
     """REBOUND asserts 4e-14 of SABA after ten steps forth and back."""
     assert "back&forth 4e-14" in BOUNDS["test_saba"]
-    x = orbits.from_rebound(rebounds_outer_solar_system()).values
+    x = from_rebound(rebounds_outer_solar_system()).values
     for method in SCHEMES:
         found = diagnostics.reversibility(x.gm, x.q, x.v, method, 0.0123235235 * 11.862 * 2 * np.pi, 10)
         assert max(found.q, found.v) < 2e-15

@@ -84,7 +84,7 @@ def test_more_planets_than_fit_into_a_register_move_by_the_same_lagrangian():
 
 
 def test_a_hundred_years_of_eight_planets_are_those_of_gauss_to_a_metre():
-    system = solar().with_terms(orbits.PostNewtonian(sources=["Sun"]), orbits.ZonalHarmonics("Sun", **J2))
+    system = solar().with_terms(orbits.terms.PostNewtonian(sources=["Sun"]), orbits.terms.ZonalHarmonics("Sun", **J2))
     options = {"duration": "100 yr", "samples": 2, "progress": False, "check_step": False}
     by_map = in_km(orbits.propagate(system, DEFAULT, dt="3 d", **options))
     by_gauss = in_km(orbits.propagate(system, GAUSS, dt="3 d", **options))
@@ -110,7 +110,7 @@ def test_the_perihelion_of_mercury_advances_by_42_98_seconds_of_arc_in_a_century
     gm[2] = 1e-20 * gm[0]  # a second planet that moves nothing
     gm[1] = 0.0 if massless else gm[1]
     system = orbits.System(sun.names, gm, sun.values.q, sun.values.v, units=sun.units, epoch=sun.epoch)
-    system = system.with_terms(orbits.PostNewtonian(sources=["Sun"]))
+    system = system.with_terms(orbits.terms.PostNewtonian(sources=["Sun"]))
     run = orbits.propagate(system, DEFAULT, dt="3 d", duration="100 yr", samples=20001, progress=False)
     q, v = (x.value[:, 1] - x.value[:, 0] for x in (run.q, run.v))
     mu = gm[0] + gm[1]
@@ -139,8 +139,8 @@ def test_the_whole_energy_and_the_momenta_are_kept_for_a_hundred_thousand_steps(
     names = ["star", *(f"planet {k}" for k in range(3))]
     system = orbits.System(names, *bodies(particles=0), units=orbits.DIMENSIONLESS).barycentric()
     system = system.with_terms(
-        orbits.PostNewtonian(sources=["star"], c=100.0),
-        orbits.ZonalHarmonics("star", J2=2e-3, radius=0.05, pole=POLE),
+        orbits.terms.PostNewtonian(sources=["star"], c=100.0),
+        orbits.terms.ZonalHarmonics("star", J2=2e-3, radius=0.05, pole=POLE),
     )
     run = orbits.propagate(system, DEFAULT, dt=0.06, duration=6000.0, samples=400, progress=False, check_step=False)
     drift = run.drift()
@@ -213,7 +213,7 @@ def test_the_bits_depend_on_neither_samples_nor_blocks_nor_threads_nor_neighbour
 
 def test_a_run_with_terms_is_resumed_to_the_bit(tmp_path):
     system = solar("Mercury", "Venus", "Jupiter").with_terms(
-        orbits.PostNewtonian(sources=["Sun"]), orbits.ZonalHarmonics("Sun", **J2)
+        orbits.terms.PostNewtonian(sources=["Sun"]), orbits.terms.ZonalHarmonics("Sun", **J2)
     )
     options = {"dt": "3 d", "samples": 2, "progress": False}
     whole = orbits.propagate(system, DEFAULT, duration="3000 d", **options)
@@ -229,8 +229,8 @@ def test_maps_with_terms_are_certified_with_their_particles(method):
     names = ["star", "inner", "outer", "p"]
     system = orbits.System(names, *bodies(planets=2, particles=1), units=orbits.DIMENSIONLESS)
     system = system.with_terms(
-        orbits.PostNewtonian(sources=["star"], c=50.0),
-        orbits.ZonalHarmonics("star", J2=2e-3, radius=0.05, pole=POLE),
+        orbits.terms.PostNewtonian(sources=["star"], c=50.0),
+        orbits.terms.ZonalHarmonics("star", J2=2e-3, radius=0.05, pole=POLE),
     )
     certificate = orbits.certify(system, method, dt=0.05)
     assert certificate.ok, certificate.table()
@@ -242,7 +242,7 @@ def test_maps_with_terms_are_certified_with_their_particles(method):
 def test_gauss_keeps_the_energy_and_the_momenta_of_relativity():
     names = ["star", *(f"planet {k}" for k in range(3))]
     system = orbits.System(names, *bodies(particles=0), units=orbits.DIMENSIONLESS).barycentric()
-    system = system.with_terms(orbits.PostNewtonian(sources=["star"], c=30.0))
+    system = system.with_terms(orbits.terms.PostNewtonian(sources=["star"], c=30.0))
     drift = orbits.propagate(system, GAUSS, dt=0.1, duration=200.0, progress=False, check_step=False).drift()
     assert drift.energy.max_fraction < 16 * EPS
     assert drift.linear_momentum.max_fraction < 16 * EPS
@@ -251,14 +251,14 @@ def test_gauss_keeps_the_energy_and_the_momenta_of_relativity():
 
 def test_terms_and_forces_that_have_no_flow_are_refused_with_the_methods_that_take_them():
     system = solar("Mercury", "Jupiter")
-    flat = orbits.ZonalHarmonics("Jupiter", J2=0.0147, radius=71492 * u.km, pole=SUNS_POLE)
+    flat = orbits.terms.ZonalHarmonics("Jupiter", J2=0.0147, radius=71492 * u.km, pole=SUNS_POLE)
     options = {"dt": "3 d", "duration": "1 yr", "progress": False}
     with pytest.raises(InputError, match=r"dominant body alone, 'Sun'; got ZonalHarmonics of 'Jupiter'.*Gauss"):
         orbits.propagate(system.with_terms(flat), DEFAULT, **options)
     with pytest.raises(InputError, match=r"terms of the dominant body alone, the 1st .* got one of the 3rd.*Gauss"):
         orbits.certify(system.with_terms(flat), DEFAULT, dt=3 * u.day)
     with pytest.raises(InputError, match=r"cannot march bodies with the force of drag.*Gauss"):
-        orbits.propagate(system.with_forces(orbits.Drag(rate=1e-6 / u.yr)), DEFAULT, **options)
+        orbits.propagate(system.with_forces(orbits.terms.Drag(rate=1e-6 / u.yr)), DEFAULT, **options)
     term = post_newtonian(0, 100.0)
     strange = type(term)(term.name, term.formula, term.tag, term.parameters, term.traits - {"x"}, None)
     object.__setattr__(strange, "traits", frozenset({"massless particles", "gradients"}))

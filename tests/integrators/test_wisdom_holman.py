@@ -314,13 +314,13 @@ def test_what_it_cannot_march_is_refused_with_a_remedy():
     with pytest.raises(InputError, match="Newtonian"):
         orbits.march(orbits.lagrangians.pendulum, DEFAULT, dt=0.1, steps=1)
     with pytest.raises(InputError, match="cannot be composed"):
-        orbits.Composition(PLAIN, order=4)
+        orbits.methods.Composition(PLAIN, order=4)
     system = orbits.System.solar_system()
-    term = orbits.ZonalHarmonics("Jupiter", J2=0.0147, radius=71492 * u.km, pole=(268.06, 64.5) * u.deg)
+    term = orbits.terms.ZonalHarmonics("Jupiter", J2=0.0147, radius=71492 * u.km, pole=(268.06, 64.5) * u.deg)
     with pytest.raises(InputError, match="terms of the dominant body alone"):
         orbits.propagate(system.with_terms(term), DEFAULT, dt="3 d", duration="1 yr")
     with pytest.raises(InputError, match="EnergyErrorAbove cannot be watched"):
-        orbits.propagate(system, DEFAULT, dt="3 d", duration="1 yr", stop=orbits.EnergyErrorAbove(1e-9))
+        orbits.propagate(system, DEFAULT, dt="3 d", duration="1 yr", stop=orbits.events.EnergyErrorAbove(1e-9))
     with pytest.raises(InputError, match="needs a dt"):
         orbits.propagate(system, DEFAULT, duration="1 yr")
 

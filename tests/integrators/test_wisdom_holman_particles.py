@@ -174,14 +174,14 @@ def excited():
     return solar.add(["quiet", "crosser", "other", "plunger"], primary="Sun", a=a, e=e, M=M)
 
 
-@pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 def test_particles_are_retired_before_what_the_map_cannot_follow_if_asked(tmp_path):
     options = {"dt": 40 * u.day, "duration": 80 * u.yr, "progress": False}
     # At the very start, the crosser is within three Hill radii of Jupiter.
     start = orbits.propagate(excited(), GAUSS, dt=2 * u.day, duration=10 * u.yr, samples=2, progress=False)[-1]
     plain = orbits.propagate(start, DEFAULT, samples=9, **options)
     retiring = orbits.WisdomHolman(encounters="retire")
-    with pytest.warns(orbits.RetiredWarning, match="retired 2 massless particles before encounters.*, as asked"):
+    with pytest.warns(orbits.errors.RetiredWarning, match="retired 2 massless particles before encounters.*, as asked"):
         run = orbits.propagate(start, retiring, samples=9, **options)
     assert set(run.retired.names) == {"crosser", "plunger"}
     reasons = {one.name: one.reason for one in run.retired}

@@ -18,6 +18,9 @@ from typing import Any
 import numpy as np
 
 import orbits
+from orbits.events import Collision, Pericentre
+from orbits.methods import SABA, Composition
+from orbits.terms import DegreeTwo, Drag, PostNewtonian, RadiationPressure, ZonalHarmonics
 
 from . import page_ends
 
@@ -64,7 +67,7 @@ def chosen_steps() -> None:
 def constant_steps() -> None:
     """Steps of one length."""
     for n, particles in NUMBERS:
-        for method in (orbits.StormerVerlet(), orbits.Composition(order=6), orbits.Gauss(stages=4)):
+        for method in (orbits.StormerVerlet(), Composition(order=6), orbits.Gauss(stages=4)):
             run(system(n, particles), method, dt=0.1)
 
 
@@ -77,7 +80,7 @@ def transformed_time() -> None:
 def maps() -> None:
     """Wisdom-Holman maps and SABA, and encounters in maps."""
     for n, particles in NUMBERS:
-        for method in (orbits.WisdomHolman(), orbits.WisdomHolman(HELIOCENTRIC), orbits.SABA(8, 6, 4)):
+        for method in (orbits.WisdomHolman(), orbits.WisdomHolman(HELIOCENTRIC), SABA(8, 6, 4)):
             run(system(n, particles), method, dt=0.1)
         if n > 1 and particles:
             run(
@@ -94,15 +97,15 @@ def terms_and_forces() -> None:
     """Terms of the Lagrangian, and forces."""
     about = {"J2": 1e-3, "radius": 0.01, "pole": (0.2, 1.2)}
     terms = [
-        [orbits.PostNewtonian(sources=["b0"], c=1e4), orbits.ZonalHarmonics("b0", **about)],
-        [orbits.PostNewtonian(c=1e4), orbits.DegreeTwo("b1", C22=1e-4, attitude="b0", **about)],
+        [PostNewtonian(sources=["b0"], c=1e4), ZonalHarmonics("b0", **about)],
+        [PostNewtonian(c=1e4), DegreeTwo("b1", C22=1e-4, attitude="b0", **about)],
     ]
     for n, particles in NUMBERS[2:]:
         names = [f"b{k}" for k in range(1, n + particles)]
-        beta = orbits.RadiationPressure(beta=tuple(0.01 * (1 + k % 3) for k in range(len(names))), bodies=names, c=1e4)
+        beta = RadiationPressure(beta=tuple(0.01 * (1 + k % 3) for k in range(len(names))), bodies=names, c=1e4)
         for some in terms:
             run(system(n, particles).with_terms(*some))
-        run(system(n, particles).with_forces(orbits.Drag(rate=1e-3), beta))
+        run(system(n, particles).with_forces(Drag(rate=1e-3), beta))
         run(system(n, particles).with_terms(*terms[0]), orbits.WisdomHolman(), dt=0.1)
 
 
@@ -124,7 +127,7 @@ def collisions_and_events() -> None:
             (orbits.StormerVerlet(), {"dt": 0.05}),
             (orbits.Gauss(stages=4), {"dt": 0.1}),
         ):
-            run(start, method, events=[orbits.Collision(), orbits.Pericentre("b1", primary="b0")], **options)
+            run(start, method, events=[Collision(), Pericentre("b1", primary="b0")], **options)
 
 
 def rigid_bodies() -> None:

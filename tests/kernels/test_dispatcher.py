@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import orbits
+from orbits.errors import InputError
 from orbits.kernels.compile import kernel
 
 
@@ -81,7 +82,7 @@ def test_a_kernel_that_takes_a_part_of_an_array_counts_no_references():
     ids=lambda given: getattr(given, "__name__", ""),
 )
 def test_a_kernel_that_allocates_is_refused_with_its_place_and_the_remedy(allocating, line):
-    with pytest.raises(orbits.InputError, match=r"allocates.*write into arrays that the kernel is given") as caught:
+    with pytest.raises(InputError, match=r"allocates.*write into arrays that the kernel is given") as caught:
         allocating(Q.copy())
     assert line in str(caught.value)
     assert ("the kernel fresh" in str(caught.value)) == (allocating in (fresh, calls_fresh))
@@ -103,7 +104,7 @@ def test_a_lagrangian_whose_kernel_allocates_is_refused_when_it_is_first_marched
     made = orbits.Lagrangian.from_kernels(
         {"accelerate": allocating_force}, coordinates=["q"], name="spring", parameters={"k": 1.0}
     )
-    with pytest.raises(orbits.InputError, match=r"the kernel allocating_force .*`g = -parameters") as caught:
+    with pytest.raises(InputError, match=r"the kernel allocating_force .*`g = -parameters") as caught:
         orbits.march(made, orbits.StormerVerlet(), q=[1.0], v=[0.0], dt=0.1, steps=1)
     assert "numba" not in str(caught.value).lower()
 

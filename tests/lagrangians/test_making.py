@@ -14,11 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import orbits
+from orbits.errors import InputError, IntegrationError, SingularityError
 from orbits.kernels.lanes import get, put
 from orbits.kernels.lanes.functions import cos, sin
 from orbits.lagrangians.base import SEPARABLE
 from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
 from orbits.marching.flow import Flow
+from orbits.methods import LobattoIIIAB, RungeKutta4, SymplecticEuler
 
 q, v, w, k, t = sympy.symbols("q v w k t")
 x, y, vx, vy = sympy.symbols("x y vx vy")
@@ -154,7 +156,7 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_a_lagrangian_is_refused_with_the_reason(case):
     L, changes, message = REFUSED[case]
-    with pytest.raises(orbits.InputError, match=message):
+    with pytest.raises(InputError, match=message):
         made(L, **changes)
 
 
@@ -206,8 +208,8 @@ WRONG_USES = {
         "coordinates must be a list of names",
     ),
     "no kernels": (lambda: orbits.Lagrangian.from_kernels({}, coordinates=["q"], name="x"), "no kernels were given"),
-    "stages": (lambda: orbits.LobattoIIIAB(stages=1), "stages between 2 and 8"),
-    "variant": (lambda: orbits.SymplecticEuler(variant="both"), "kick-drift and drift-kick"),
+    "stages": (lambda: LobattoIIIAB(stages=1), "stages between 2 and 8"),
+    "variant": (lambda: SymplecticEuler(variant="both"), "kick-drift and drift-kick"),
 }
 
 
@@ -219,7 +221,7 @@ def restoring(parameters, q, out):
 @pytest.mark.parametrize("case", WRONG_USES)
 def test_a_wrong_use_is_an_input_error_that_says_what_is_right(case):
     use, message = WRONG_USES[case]
-    with pytest.raises(orbits.InputError, match=message):
+    with pytest.raises(InputError, match=message):
         use()
 
 
@@ -259,7 +261,7 @@ def test_kernels_typed_into_a_session_that_look_alike_are_not_confused():
 
 @pytest.mark.parametrize(
     "method",
-    [orbits.Gauss(stages=8), orbits.LobattoIIIAB(stages=3), orbits.StormerVerlet(), orbits.RungeKutta4()],
+    [orbits.Gauss(stages=8), LobattoIIIAB(stages=3), orbits.StormerVerlet(), RungeKutta4()],
     ids=lambda m: m.label,
 )
 @pytest.mark.parametrize("canonical", [False, True])
@@ -271,7 +273,7 @@ def test_a_singular_configuration_on_the_way_is_an_error_with_step_and_state(met
     failure = None
     try:
         path = flow.march([1.0, 0.0], [0.0, 0.0], 400)
-    except orbits.IntegrationError as error:
+    except IntegrationError as error:
         failure, path = error, error.trajectory
     assert np.isfinite(path.q).all()
     assert np.isfinite(path.p).all()
@@ -284,9 +286,9 @@ def test_a_singular_configuration_on_the_way_is_an_error_with_step_and_state(met
 
 
 def test_a_start_at_a_singularity_is_an_error():
-    with pytest.raises(orbits.SingularityError, match=r"'kepler' is singular at q = \[0"):
+    with pytest.raises(SingularityError, match=r"'kepler' is singular at q = \[0"):
         KEPLER.value([0.0, 0.0], [1.0, 0.0])
-    with pytest.raises(orbits.InputError, match=r"not regular at q = \[0"):
+    with pytest.raises(InputError, match=r"not regular at q = \[0"):
         orbits.march(orbits.lagrangians.spherical_pendulum, orbits.Gauss(), dt=0.1, steps=1, q=[0.0, 0.0], v=[0.1, 1.0])
 
 
@@ -364,7 +366,7 @@ def test_kernels_that_keep_a_variable_of_their_maker_are_refused():
 
         return accelerate
 
-    with pytest.raises(orbits.InputError, match="make it one of the parameters"):
+    with pytest.raises(InputError, match="make it one of the parameters"):
         orbits.Lagrangian.from_kernels({"accelerate": maker(1.0)}, coordinates=["q"], name="kept")
 
 
@@ -376,6 +378,6 @@ def test_a_lagrangian_of_the_package_is_pickled_by_name_and_others_say_why_not()
         made(v**2 / 2 - q**2, name="kepler"),
         orbits.Lagrangian.from_kernels({"accelerate": restoring}, coordinates=["q"], name="x"),
     ):
-        with pytest.raises(orbits.InputError, match="cannot be pickled: its kernels are code"):
+        with pytest.raises(InputError, match="cannot be pickled: its kernels are code"):
             pickle.dumps(own)
         assert copy.deepcopy(own) is own

@@ -32,8 +32,8 @@ def state(seed=3):
 def system(minor=MINOR):
     q, v = state()
     names = [f"body {i}" for i in range(len(GM))]
-    made = orbits.System.from_states(names, GM, q, v, units=orbits.DIMENSIONLESS).barycentric()
-    return made.with_terms(orbits.MinorBodies(bodies=[names[i] for i in sorted(minor)])) if minor else made
+    made = orbits.System(names, GM, q, v, units=orbits.DIMENSIONLESS).barycentric()
+    return made.with_terms(orbits.terms.MinorBodies(bodies=[names[i] for i in sorted(minor)])) if minor else made
 
 
 def accelerations(q, minor):
@@ -102,7 +102,7 @@ def test_the_energy_is_that_of_the_pairs_that_attract():
 
 def test_minor_bodies_move_as_rebounds_test_particles_of_type_1():
     made = system()
-    sim = orbits.to_rebound(made)
+    sim = orbits.rebound.to_rebound(made)
     assert (sim.N_active, sim.testparticle_type) == (len(GM) - len(MINOR), 1)
     sim.integrator = "ias15"
     sim.integrate(10.0)
@@ -124,7 +124,7 @@ def test_massless_particles_feel_minor_bodies_too():
     # Over two short steps the places of the bodies differ by 1e-9: its acceleration is by the same bodies.
     assert np.abs(runs[0].v[-1] - runs[1].v[-1]).max().value < 1e-10
     with pytest.raises(InputError, match="minor bodies and massless ones, probe; in REBOUND"):
-        orbits.to_rebound(made)
+        orbits.rebound.to_rebound(made)
 
 
 def test_a_run_is_resumed_to_the_same_bits(tmp_path):
@@ -152,13 +152,13 @@ def test_bodies_that_go_are_minor_no_more():
 def test_what_cannot_be_is_refused():
     plain = system(minor=())
     with pytest.raises(InputError, match="'body 1' twice"):
-        orbits.MinorBodies(bodies=["body 1", "body 1"])
+        orbits.terms.MinorBodies(bodies=["body 1", "body 1"])
     with pytest.raises(InputError, match="expected names of massive bodies in a list"):
-        orbits.MinorBodies()
+        orbits.terms.MinorBodies()
     with pytest.raises(UnknownNameError, match="body 12"):
-        plain.with_terms(orbits.MinorBodies(bodies=["body 12"]))
+        plain.with_terms(orbits.terms.MinorBodies(bodies=["body 12"]))
     light = plain.add("probe", q=[3, 0, 0], v=[0, 0.5, 0])
     with pytest.raises(InputError, match="gm of 'probe' is 0"):
-        light.with_terms(orbits.MinorBodies(bodies=["probe"]))
+        light.with_terms(orbits.terms.MinorBodies(bodies=["probe"]))
     with pytest.raises(InputError, match="minor"):
         orbits.propagate(system(), orbits.WisdomHolman(), dt=0.01, duration=1.0)

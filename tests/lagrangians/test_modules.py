@@ -53,7 +53,7 @@ def test_a_damaged_module_keeps_its_place_until_another_is_put_there(tmp_path, m
     path = trusted_files.user_folder("lagrangians") / "orbits_lagrangian_place.py"
     path.write_bytes(DAMAGED)
     there = []
-    with pytest.warns(orbits.OrbitsWarning, match=r"place\.py is damaged"):
+    with pytest.warns(orbits.errors.OrbitsWarning, match=r"place\.py is damaged"):
         assert modules.module("place", lambda: there.append(path.exists()) or "A = 1\n").A == 1
     assert there == [True]
 
@@ -64,7 +64,7 @@ def test_a_damaged_module_that_another_process_deals_with_meanwhile_is_made_all_
     path, read = trusted_files.user_folder("lagrangians") / "orbits_lagrangian_meanwhile.py", trusted_files.read
     path.write_bytes(DAMAGED)
     monkeypatch.setattr(trusted_files, "read", lambda path: (read(path), other(path))[0])
-    with pytest.warns(orbits.OrbitsWarning, match="damaged"):
+    with pytest.warns(orbits.errors.OrbitsWarning, match="damaged"):
         assert modules.module("meanwhile", lambda: "A = 2\n").A == 2
     del sys.modules["orbits_lagrangian_meanwhile"]
     assert path.read_bytes() == GOOD

@@ -10,7 +10,7 @@ from orbits.propagation.marchers import bound
 from ..problems import three_bodies
 
 START = orbits.System(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLESS)
-BRAKED = START.with_forces(orbits.Drag(rate=0.01))
+BRAKED = START.with_forces(orbits.terms.Drag(rate=0.01))
 
 
 def test_a_march_that_ends_at_a_time_has_the_forces_of_the_march():

@@ -17,8 +17,8 @@ from ..acting import Swaying
 from ..contracts.problems import methods
 from ..problems import three_bodies
 
-ALL = [*methods(), orbits.Gauss(stages=12), orbits.Composition(base=orbits.Gauss(stages=2), order=6)]
-FORCED = [orbits.Gauss(stages=8), orbits.Gauss(stages=2), orbits.LobattoIIIAB(stages=3), ALL[-1]]
+ALL = [*methods(), orbits.Gauss(stages=12), orbits.methods.Composition(base=orbits.Gauss(stages=2), order=6)]
+FORCED = [orbits.Gauss(stages=8), orbits.Gauss(stages=2), orbits.methods.LobattoIIIAB(stages=3), ALL[-1]]
 STEPS = 40
 
 # The polynomial has degree s + 1. Where it resolves the motion, only round-off of Mercury's position, 0.3 au, is left.
@@ -74,7 +74,7 @@ def worst_against_partial_steps(system, method, h, steps=25, speeds=1.0):
 @pytest.mark.parametrize("method", ALL, ids=[m.label for m in ALL])
 def test_the_motion_of_every_method_is_that_of_its_partial_steps(method):
     """Also of those that do not resolve it at all: half a step of explicit Euler is a step of explicit Euler."""
-    system = orbits.System.from_states(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLESS)
+    system = orbits.System(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLESS)
     # The states in which partial steps begin are rounded; 4.4e-16 was reached. A polynomial serves where it leaves
     # 2e-14 of a position and, as it is once less integrated, 1e-12 of a velocity; 2e-15 and 8e-14 were reached.
     polynomial = method == orbits.Gauss(stages=8)
@@ -87,9 +87,9 @@ def test_the_motion_of_every_method_is_that_of_its_partial_steps(method):
 @pytest.mark.parametrize("method", FORCED, ids=[m.label for m in FORCED])
 def test_the_motion_under_forces_and_terms_that_depend_on_velocities_is_that_of_partial_steps(method):
     gm, q, v = three_bodies()
-    system = orbits.System.from_states(["a", "b", "c"], gm, q, v, units=orbits.DIMENSIONLESS)
-    spin = orbits.FrameDragging("a", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
-    drag = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+    system = orbits.System(["a", "b", "c"], gm, q, v, units=orbits.DIMENSIONLESS)
+    spin = orbits.terms.FrameDragging("a", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
+    drag = orbits.terms.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
     system = system.with_terms(spin, Swaying()).with_forces(drag)
     assert worst_against_partial_steps(system, method, 0.05) < 1e-15  # 2.2e-16
 
@@ -103,7 +103,7 @@ def test_a_method_whose_coefficients_are_made_in_python_has_the_same_motion():
         def second_order(self):
             return Unstretched(kick_drift_kick, drifts=1)
 
-    system = orbits.System.from_states(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLESS)
+    system = orbits.System(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLESS)
     assert worst_against_partial_steps(system, Verlet(), H) < 1e-15  # 2.4e-16, as with stretched coefficients
 
 

@@ -10,6 +10,8 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
+from orbits.errors import OrbitsWarning
+from orbits.events import Collision, Merge
 from orbits.observing import earth
 from orbits.observing.brightness import magnitude
 from tests.observing.skies import ALL, PACHON, C, begun, mas
@@ -127,7 +129,7 @@ def test_from_the_sun_there_are_no_elongations_and_distances_are_heliocentric(ru
 def test_a_planet_with_its_moons_is_placed_by_their_barycentre():
     gm = [869.3, 106.1] * u.km**3 / u.s**2
     q, v = [[0, 0, 0], [19_596, 0, 0]] * u.km, [[0, 0, 0], [0, 0.222, 0]] * u.km / u.s
-    pair = orbits.System.from_states(["Pluto", "Charon"], gm, q, v, epoch=EPOCH)
+    pair = orbits.System(["Pluto", "Charon"], gm, q, v, epoch=EPOCH)
     both = orbits.propagate(pair, duration=1 * u.min, samples=2).ephemeris(times=0.0)
     share = np.average(both.dec[0].value, weights=gm.value) * u.deg
     # Reached: 0.0001 mas. Pluto is 2,100 km from the barycentre: 24 mas in declination.
@@ -152,7 +154,7 @@ def test_bodies_that_merged_are_not_seen_any_more():
     system = orbits.System.solar_system(EPOCH, bodies=["Sun", "Earth", "Moon"])
     q, v = [30_000, 0, 0] * u.km, [-8, 0, 0] * u.km / u.s
     system = system.add("rock", primary="Earth", q=q, v=v, gm=1e-20).replaced(radii=[695_700, 6378, 1737, 1] * u.km)
-    run = orbits.propagate(system, duration=4 * u.hour, samples=5, events=orbits.Collision(then=orbits.Merge()))
+    run = orbits.propagate(system, duration=4 * u.hour, samples=5, events=Collision(then=Merge()))
     seen = run.ephemeris(["rock", "Moon"])
     assert np.isfinite(seen["rock"].ra).tolist() == [True, False, False, False, False]
     assert np.isfinite(seen["Moon"].ra).all()
@@ -244,9 +246,9 @@ def test_beyond_the_tables_the_rotation_of_the_earth_is_held_and_a_warning_says_
     sign = -1 if end == "first" else 1
     inside, outside, far = (Time(day + sign * x, format="mjd", scale="tdb") for x in (-1e-6, 1e-6, 730.5))
     near = earth.site_at(PACHON, inside[None])
-    with pytest.warns(orbits.OrbitsWarning, match=r"up to 0.01 s of rotation, 0.0047 km"):
+    with pytest.warns(OrbitsWarning, match=r"up to 0.01 s of rotation, 0.0047 km"):
         held = earth.site_at(PACHON, outside[None])
     # The Earth turns by 7 cm in these 0.17 s; where the pole is not known it is up to 20 m elsewhere.
     assert np.linalg.norm(held.q - near.q) * u.au < 100 * u.m
-    with pytest.warns(orbits.OrbitsWarning, match=r"up to 2 s of rotation, 0.93 km, off; right ascension"):
+    with pytest.warns(OrbitsWarning, match=r"up to 2 s of rotation, 0.93 km, off; right ascension"):
         earth.site_at(PACHON, far[None])

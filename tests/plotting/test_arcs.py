@@ -128,7 +128,7 @@ def test_a_planet_of_two_stars_goes_round_both_and_the_stars_round_each_other():
 def test_three_equal_masses_osculate_no_ellipse():
     q = [[1.0, 0.0, 0.0], [-0.5, 0.866, 0.0], [-0.5, -0.866, 0.0]]
     v = [[0.0, 0.5, 0.0], [-0.433, -0.25, 0.0], [0.433, -0.25, 0.0]]
-    system = orbits.System.from_states(["a", "b", "c"], [1.0] * 3, q, v, units=orbits.DIMENSIONLESS)
+    system = orbits.System(["a", "b", "c"], [1.0] * 3, q, v, units=orbits.DIMENSIONLESS)
     assert [osculating_ellipse(system, name) for name in "abc"] == [None] * 3
 
 

@@ -35,7 +35,7 @@ def many() -> orbits.Trajectory:
 @pytest.fixture(scope="module")
 def merged() -> orbits.Trajectory:
     system = orbits.System.from_elements(MERGING, units=orbits.DIMENSIONLESS)
-    return orbits.propagate(system, duration=20.0, events=orbits.Collision(then=orbits.Merge()))
+    return orbits.propagate(system, duration=20.0, events=orbits.events.Collision(then=orbits.events.Merge()))
 
 
 @pytest.fixture(scope="module")
@@ -280,6 +280,6 @@ def test_a_body_that_moves_straight_towards_the_primary_at_a_sample_has_no_eleme
 def test_a_picture_of_energy_says_how_many_events_it_has_no_lines_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orbits.plotting.errors_over_time.MOST_EVENTS", 2)
     system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Mars", "Jupiter"])
-    run = orbits.propagate(system, dt="5 d", duration="9 yr", samples=9, events=orbits.Pericentre("Mars"))
+    run = orbits.propagate(system, dt="5 d", duration="9 yr", samples=9, events=orbits.events.Pericentre("Mars"))
     assert len(run.events) > 2
     assert f"events, the first 2 of {len(run.events)}" in " ".join(seen.texts(run.plot("energy"))).replace("\n", " ")

@@ -18,7 +18,7 @@ MERGED_AT = 10.37
 @pytest.fixture(scope="module")
 def run() -> orbits.Trajectory:
     system = orbits.System.from_elements(MERGING, units=orbits.DIMENSIONLESS)
-    return orbits.propagate(system, duration=20.0, events=orbits.Collision(then=orbits.Merge()))
+    return orbits.propagate(system, duration=20.0, events=orbits.events.Collision(then=orbits.events.Merge()))
 
 
 def lines(figure: plt.Figure) -> dict[str, list[np.ndarray]]:

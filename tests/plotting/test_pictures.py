@@ -45,7 +45,7 @@ PICTURES = {
 
 def alone():
     q, v = [[1.0, 0.0, 0.0]], [[0.1, 0.0, 0.2]]
-    system = orbits.System.from_states(["rock"], [1.0], q, v, units=orbits.DIMENSIONLESS)
+    system = orbits.System(["rock"], [1.0], q, v, units=orbits.DIMENSIONLESS)
     times = np.linspace(0.0, 10.0, 11)
     q, v = system.values.q + times[:, None, None] * system.values.v, np.tile(system.values.v, (11, 1, 1))
     return orbits.Trajectory(system, times, q, v, step=0.1, integrator=orbits.StormerVerlet())
@@ -105,7 +105,7 @@ def test_the_frame_on_the_axes_is_the_one_that_is_drawn():
         ends[frame] = [np.ravel(line.get_data()) for line in axes.lines if line.get_marker() == "o"][-1]
     assert ends["icrf"] == pytest.approx([x, y], rel=1e-14)
     assert abs(ends["ecliptic"][1] - y) > 0.1  # the obliquity turns y, by 8 %, and brings z in
-    with pytest.raises(orbits.UnknownNameError, match="there is no frame"):
+    with pytest.raises(orbits.errors.UnknownNameError, match="there is no frame"):
         system.plot(frame="galactic")
 
 
@@ -121,7 +121,7 @@ def test_a_run_past_the_last_date_that_astropy_knows_can_be_drawn():
 def test_a_run_without_samples_is_refused_in_words():
     run = about_a_star(PLANETS, [0.0, 1.0])
     empty = (run.times[:0], run.q.value[:0], run.v.value[:0])
-    with pytest.raises(orbits.InputError, match="no samples yet, so there is nothing to draw"):
+    with pytest.raises(orbits.errors.InputError, match="no samples yet, so there is nothing to draw"):
         orbits.Trajectory(run.system, *empty, step=1.0, integrator=run.integrator).plot()
 
 

@@ -24,9 +24,9 @@ def falling(sideways):
 
 
 POLE = (0.36, 0.48, 0.8)
-SPIN = orbits.FrameDragging("planet", spin=0.1, pole=POLE, c=3.0)
-FLAT = orbits.ZonalHarmonics("planet", J2=0.05, radius=0.5, pole=POLE)
-DRAG = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+SPIN = orbits.terms.FrameDragging("planet", spin=0.1, pole=POLE, c=3.0)
+FLAT = orbits.terms.ZonalHarmonics("planet", J2=0.05, radius=0.5, pole=POLE)
+DRAG = orbits.terms.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
 PARTICLE = {"p": (0.0, [0.0, 1.4, 0.1], [-0.8, 0.0, 0.1])}
 
 

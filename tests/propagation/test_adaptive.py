@@ -126,7 +126,7 @@ def test_close_approaches_and_conditions_are_found_to_the_precision_of_the_orbit
     assert approach.distance.value == pytest.approx(pericentre, rel=1e-12)
     assert approach.time.value == pytest.approx(half, rel=1e-14)
     assert run.unresolved() == []
-    stopped = propagate(start, 6.0, stop=orbits.CloserThan(0.5, "b0", "b1")).stopped
+    stopped = propagate(start, 6.0, stop=orbits.events.CloserThan(0.5, "b0", "b1")).stopped
     met = stopped.system.q.value
     assert np.linalg.norm(met[0] - met[1]) == pytest.approx(0.5, rel=1e-12)
     assert stopped.time.value < half
@@ -164,7 +164,7 @@ def test_a_body_alone_moves_straight_on():
 
 def test_terms_of_positions_are_marched_too():
     flattened = orbits.System.solar_system().with_terms(
-        orbits.ZonalHarmonics("Sun", J2=1e-3, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
+        orbits.terms.ZonalHarmonics("Sun", J2=1e-3, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
     )
     fixed = orbits.propagate(flattened, "gauss", dt=1 * u.day, duration=400 * u.day, samples=2, progress=False)
     run = propagate(flattened, 400 * u.day, samples=2)
@@ -281,7 +281,7 @@ def test_the_closest_approach_is_that_at_the_end_where_bodies_still_approach():
 
 def test_a_stopped_run_knows_nothing_of_what_would_have_come():
     start = falling(0.3)
-    stopped = propagate(start, 6.0, stop=orbits.CloserThan(1.0, "b0", "b1"), samples=500)
+    stopped = propagate(start, 6.0, stop=orbits.events.CloserThan(1.0, "b0", "b1"), samples=500)
     end = stopped.stopped.time.value
     assert all(abs(a.time.value) <= end for a in stopped.closest_approaches()["b0"])
     (last,) = stopped.closest_approaches()["b0"]  # at the end itself
@@ -292,10 +292,10 @@ def test_a_stopped_run_knows_nothing_of_what_would_have_come():
 def test_conditions_are_looked_at_up_to_the_end_of_the_run():
     """The last step of the march leads beyond the end: what is met before it is told all the same."""
     start = falling(0.3)
-    whole = propagate(start, 6.0, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped
+    whole = propagate(start, 6.0, stop=orbits.events.CloserThan(1.0, "b0", "b1")).stopped
     for duration in np.linspace(float(whole.time.value) * (1 + 1e-9), 3.0, 7):
-        assert propagate(start, duration, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped is not None
-    assert propagate(start, 1.0, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped is None
+        assert propagate(start, duration, stop=orbits.events.CloserThan(1.0, "b0", "b1")).stopped is not None
+    assert propagate(start, 1.0, stop=orbits.events.CloserThan(1.0, "b0", "b1")).stopped is None
 
 
 def test_a_callback_ends_a_run_at_its_sample():
@@ -379,7 +379,7 @@ def test_an_archive_whose_method_cannot_have_its_steps_is_damaged(tmp_path):
 def test_samples_that_are_not_of_the_run_are_refused_in_spk_with_its_method(tmp_path):
     start = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
     run = propagate(start, 30 * u.day, samples=4)
-    other = run.with_samples(run.times, run.q.value + 1e-3, run.v.value)
+    other = run._with_samples(run.times, run.q.value + 1e-3, run.v.value)
     with pytest.raises(InputError, match=r"motion that Gauss\(stages=8\), adaptive steps.*unchanged run"):
         other.to_spk(tmp_path / "run.bsp")
 

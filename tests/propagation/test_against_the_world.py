@@ -46,7 +46,7 @@ def test_ten_bodies_stay_with_quadruple_precision(years, allowed_km):
     Single runs: round-off is luck of a factor of 3 either way, and grows with the power 3/2 of time.
     """
     data = json.loads(data_path("solar_system_10body.json").read_text())
-    system = orbits.System.from_states(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
+    system = orbits.System(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
     end = float(years) * 365.25
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=6.0, duration=end, samples=[end])
     truth = np.array([[float(x) for x in row[:3]] for row in data["reference_years"][years]])
@@ -60,7 +60,7 @@ BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_t
 def test_stormer_verlet_keeps_the_bound_of_rebounds_leapfrog_test():
     """dt = 1, T = 1,000: REBOUND asserts 1e-3 at the end. Its drift-kick-drift variant reaches 1.7e-6, ours 8.2e-6."""
     assert "order2 1e-3" in BOUNDS["test_leapfrog"]
-    system = orbits.from_rebound(rebounds_outer_solar_system())
+    system = orbits.rebound.from_rebound(rebounds_outer_solar_system())
     run = orbits.propagate(system, orbits.StormerVerlet(), dt=1.0, duration=1000.0, samples=1001)
     energy = run.energy().value
     assert abs(energy[-1] / energy[0] - 1) < 2e-5
@@ -70,14 +70,14 @@ def test_stormer_verlet_keeps_the_bound_of_rebounds_leapfrog_test():
 def test_gauss_keeps_the_bound_of_rebounds_ias15_test():
     """A thousand periods of Jupiter; REBOUND asserts 1e-14 for IAS15 and reaches 5.5e-15."""
     assert "<1e-14" in BOUNDS["test_integrator.test_ias15"]
-    system, period = orbits.from_rebound(rebounds_outer_solar_system()), 11.86 * 2 * np.pi
+    system, period = orbits.rebound.from_rebound(rebounds_outer_solar_system()), 11.86 * 2 * np.pi
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=4.0, duration=1000 * period, samples=501)
     assert run.drift().energy.max_fraction < 8e-15  # 2.9e-15 was reached, as the maximum over the samples
 
 
 def test_gauss_follows_a_particle_that_gravity_hardly_bends():
     """REBOUND's `test_ias_veryhyperbolic`: one step of 1.234567 at a speed of 100,000, 1e-10 asserted."""
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["star", "bullet"], [1.0, 0.0], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1e5, 0]], units=orbits.DIMENSIONLESS
     )
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=1.234567, duration=1.234567, samples=2)

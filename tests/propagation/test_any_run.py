@@ -9,14 +9,15 @@ import pytest
 from hypothesis import strategies as st
 
 import orbits
-from orbits import InputError, System
+from orbits import System
+from orbits.errors import InputError
 from tests.campaigns import campaign, junk, works_or_says_why
 
 PAIR = System.from_elements({"star": {"gm": 1}, "planet": {"a": 1, "gm": 1e-3}}, units=orbits.DIMENSIONLESS)
 VERLET = orbits.StormerVerlet()
 
 
-pytestmark = pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 
 
 def is_short(x: Any) -> bool:

@@ -11,7 +11,7 @@ from orbits.marching.clocks.constant import Place
 from orbits.marching.following.own_clocks import SHORTEST
 from orbits.propagation.marchers import bound
 from orbits.propagation.results import refinement
-from orbits.propagation.results.passages_seen import Seen
+from orbits.propagation.results.recording import passages_of
 from tests.ensemble.belts import system as belt
 
 MAP = orbits.WisdomHolman(encounters="retire")
@@ -43,7 +43,7 @@ def test_a_map_that_is_marched_again_from_within_an_encounter_loses_nobody():
     """p26 comes to 0.96 au of Jupiter: not within three Hill radii of the particle's distance from the Sun, by which a
     passage is judged, but within those of the planet's, by which the start of a run is.
     """
-    with pytest.warns(orbits.RetiredWarning, match="retired 5 massless particles before encounters"):
+    with pytest.warns(orbits.errors.RetiredWarning, match="retired 5 massless particles before encounters"):
         run = orbits.propagate(
             belt(40, 5.5), MAP, duration=20 * u.yr, dt="30 d", samples=5, approaches=True, progress=False
         )
@@ -62,8 +62,8 @@ def test_an_approach_that_cannot_be_computed_again_is_as_recorded_and_says_so(mo
     body, other = run.names.index(one.body), run.names.index(one.other)
     assert not one.estimated
     assert "estimated" not in exact.to_table().colnames
-    run.passages = None
-    recorded = [p.distance for p in Seen.by(run, run.record).passages if {p.body, p.other} == {body, other}]
+    run._passages = None
+    recorded = [p.distance for p in passages_of(run, run._record).passages if {p.body, p.other} == {body, other}]
     lost = refinement._Least(0.0, np.nan, np.nan)
     monkeypatch.setattr(refinement, "_least", lambda *_: lost)
     found = run.closest_approaches()

@@ -25,9 +25,9 @@ METHODS = [
 @pytest.mark.parametrize(
     "event",
     [
-        orbits.Pericentre("p", then="stop"),
-        orbits.Apocentre("inner", then="stop"),
-        orbits.CloserThan(2.5, "outer", "inner", then="stop"),
+        orbits.events.Pericentre("p", then="stop"),
+        orbits.events.Apocentre("inner", then="stop"),
+        orbits.events.CloserThan(2.5, "outer", "inner", then="stop"),
     ],
     ids=["of a particle", "of a massive body", "a distance"],
 )

@@ -24,7 +24,7 @@ QUIET = {"check_step": False, "progress": False}
 SHORT: dict[str, Any] = {"dt": 1 / 32, "duration": 1.0, "samples": 3, **QUIET}
 
 METHODS = [one for kind in registry().values() for one in kind.examples() if one.serves(newtonian)]
-METHODS += [orbits.Composition(orbits.Gauss(stages=1), order=4)]
+METHODS += [orbits.methods.Composition(orbits.Gauss(stages=1), order=4)]
 LOOKING = ("gauss", "implicit-midpoint", "lobatto-iiia-iiib", "lobatto-iiib-iiia", "vprk")
 """The methods that look for closest approaches in each run: those that iterate stages."""
 
@@ -88,7 +88,7 @@ def test_a_run_without_them_says_so_and_how_to_have_them(archived: bool, tmp_pat
 )
 def test_nothing_else_of_a_run_depends_on_them(method: Integrator, dt: float | None) -> None:
     found = []
-    event = orbits.CloseApproach("p0", "b")
+    event = orbits.events.CloseApproach("p0", "b")
     for approaches in (True, False):
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
@@ -147,7 +147,7 @@ def test_a_header_with_another_value_is_refused(tmp_path: Path, monkeypatch: pyt
 
 
 def test_runs_whose_bodies_may_collide_are_told_too() -> None:
-    events = orbits.Collision("b", "c", then=orbits.Merge())
+    events = orbits.events.Collision("b", "c", then=orbits.events.Merge())
     for approaches in (None, True, False):
         bodies = system(0).replaced(radii=[1e-3, 1e-4, 1e-4])
         run = orbits.propagate(bodies, VERLET, events=events, approaches=approaches, **SHORT)
@@ -160,7 +160,7 @@ def test_what_is_neither_yes_nor_no_is_refused(answer: Any) -> None:
         orbits.propagate(system(), VERLET, approaches=answer, **SHORT)
 
 
-@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 def test_a_campaign_looks_for_them_unless_it_is_told_not_to(tmp_path: Path) -> None:
     members = ensemble.particles(system(0), system(20))
     options = {"dt": 1 / 16, "duration": 10.0, "integrator": MAP}

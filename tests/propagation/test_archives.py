@@ -16,7 +16,7 @@ import orbits
 from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupted
 from orbits.propagation.resuming import sample_store
 
-METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.RungeKutta4()]
+METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.methods.RungeKutta4()]
 IDS = [m.label for m in METHODS]
 
 
@@ -196,7 +196,7 @@ def test_other_kernels_or_another_processor_are_not_resumed_silently(tmp_path, m
 
 
 def test_a_failing_run_leaves_its_samples_readable(tmp_path):
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["sun", "comet"], [1.0, 1e-9], [[0, 0, 0], [10, 0.02, 0]], [[0, 0, 0], [-1.0, 0, 0]], units=orbits.DIMENSIONLESS
     )
     path = tmp_path / "run.h5"

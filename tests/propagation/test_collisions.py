@@ -10,8 +10,8 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits import Bounce, Collision, Merge
 from orbits.errors import EventError, InputError, SingularityError
+from orbits.events import Bounce, CloseApproach, Collision, Merge
 
 D = orbits.DIMENSIONLESS
 MERGE = Collision(then=Merge())
@@ -185,7 +185,7 @@ def test_collisions_keep_the_momentum_of_relativity_by_all_bodies(then: Merge | 
     """It has energies in it, and was off by 4e-8 when m v alone was kept."""
     q, v = [[0, 0, 0], [1, 0, 0], [1.2, 0.01, 0]], [[0, 0, 0], [0, 1, 0], [-0.5, 1, 0]]
     start = orbits.System(["star", "a", "b"], gm=[1.0, 1e-3, 2e-3], q=q, v=v, radii=[0.01, 0.02, 0.02], units=D)
-    start = start.with_terms(orbits.PostNewtonian(c=20.0)).barycentric()
+    start = start.with_terms(orbits.terms.PostNewtonian(c=20.0)).barycentric()
     run = orbits.propagate(start, duration=2.0, samples=9, events=Collision(then=then), check_step=False)
     assert len(run.events)
     assert run.drift().linear_momentum.max_fraction < 3e-14  # 6.6e-15
@@ -308,7 +308,7 @@ def test_a_run_backwards_merges_bodies_as_it_meets_them() -> None:
 
 
 def test_work_of_forces_is_accounted_for_over_legs() -> None:
-    drag = orbits.Drag(rate=0.01)
+    drag = orbits.terms.Drag(rate=0.01)
     run = orbits.propagate(disc(60).with_forces(drag), dt=0.05, duration=12.0, samples=9, events=MERGE)
     assert len(run.events) >= 3
     # The quadrature of the work has the order of the method; angular momentum is exact to round-off.
@@ -332,8 +332,8 @@ def test_radii_that_are_missing_or_overlap_are_refused(change: dict[str, object]
 def test_unsound_collisions_are_refused() -> None:
     system = pair()
     for events, message in [
-        ([MERGE, orbits.CloseApproach("a", "b", then=lambda t, s: s)], "only collisions act in a run whose bodies"),
-        (orbits.CloseApproach("a", "b", then=Merge()), "only bodies that collide can do that"),
+        ([MERGE, CloseApproach("a", "b", then=lambda t, s: s)], "only collisions act in a run whose bodies"),
+        (CloseApproach("a", "b", then=Merge()), "only bodies that collide can do that"),
         (Collision("a", "A"), "twice; expected two bodies"),
     ]:
         with pytest.raises(InputError, match=message):
@@ -345,14 +345,14 @@ def test_unsound_collisions_are_refused() -> None:
     with pytest.raises(InputError, match="keeps the steps of the same bodies"):
         orbits.propagate(system, duration=1.0, events=MERGE, dense=True)
     with pytest.raises(InputError, match="is tested in steps of the same bodies"):
-        orbits.propagate(system, duration=1.0, events=MERGE, stop=orbits.EnergyErrorAbove(1e-9))
-    far = orbits.FartherThan(9.0, "a", "b", then="stop")
+        orbits.propagate(system, duration=1.0, events=MERGE, stop=orbits.events.EnergyErrorAbove(1e-9))
+    far = orbits.events.FartherThan(9.0, "a", "b", then="stop")
     assert orbits.propagate(system, duration=1.0, events=[MERGE, far]).complete
 
 
 def test_what_knows_the_same_bodies_from_start_to_end_refuses_runs_with_mergers() -> None:
     run = orbits.propagate(pair(), duration=4.0, events=MERGE)
-    for refused in (run.closest_approaches, run.unresolved, run.begun, run.elements):
+    for refused in (run.closest_approaches, run.unresolved, run._begun, run.elements):
         with pytest.raises(InputError, match=r"bodies merge, (bounce, or are changed|or masses change)"):
             refused()
     quiet = orbits.propagate(pair(), duration=1.0, events=MERGE)

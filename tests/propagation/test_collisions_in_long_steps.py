@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits import Collision, Merge
+from orbits.events import Collision, Merge
 from orbits.kernels.search.collisions import NEVER, fraction_of_contact
 from tests.propagation.meeting import contact, near_a_planet, passing, planetesimals
 
@@ -27,7 +27,7 @@ def test_all_collisions_of_small_planetesimals_are_found(dt: float | None, secon
 
 @pytest.mark.parametrize("way", [1.0, 1e2, 1e4, 1e6])
 def test_bodies_that_pass_within_a_step_touch_when_straight_lines_do(way: float) -> None:
-    for phase, then in ((0.1, Merge()), (0.5, "stop"), (0.93, "record"), (0.5, orbits.Bounce())):
+    for phase, then in ((0.1, Merge()), (0.5, "stop"), (0.93, "record"), (0.5, orbits.events.Bounce())):
         system = passing(way, phase, 0.5, (1e-20, 1e-20))
         run = orbits.propagate(system, dt=1.0, duration=6.0, events=Collision(then=then), check_step=False)
         assert len(run.events) == 1, (phase, then)
@@ -90,7 +90,7 @@ def test_bodies_side_by_side_do_not_touch_in_partial_steps_of_low_order() -> Non
     sizes = {"gm": [1, 1e-14, 0], "radii": [1e-3, 0.05, 0.05]}
     system = orbits.System(list("sab"), q=q, v=v, **sizes, units=orbits.DIMENSIONLESS)
     times: dict[str, Any] = {"duration": 0.9, "samples": 91}
-    for method in (orbits.SymplecticEuler(), orbits.StormerVerlet()):
+    for method in (orbits.methods.SymplecticEuler(), orbits.StormerVerlet()):
         run = orbits.propagate(system, method, dt=0.3, **times, events=Collision(), check_step=False)
         distance = np.linalg.norm(run.q.value[:, 2] - run.q.value[:, 1], axis=1)
         assert len(run.events) == np.count_nonzero((distance[:-1] > 0.1) & (distance[1:] <= 0.1)) == 0

@@ -21,7 +21,7 @@ QUIET = {"progress": False, "check_step": False}
 def system(particles=0):
     gm, q, v = three_bodies(particles)
     names = ["star", "inner", "outer", *(f"p{k}" for k in range(particles))]
-    return orbits.System.from_states(names, gm, q, v, units=orbits.DIMENSIONLESS)
+    return orbits.System(names, gm, q, v, units=orbits.DIMENSIONLESS)
 
 
 def times(count=300, end=20.0):
@@ -32,7 +32,7 @@ CASES = {
     "adaptive": {},
     "gauss": {"integrator": "gauss(stages=4)", "dt": 0.05},
     "verlet": {"integrator": "stormer-verlet", "dt": 0.01},
-    "composition": {"integrator": orbits.Composition(base=orbits.Gauss(stages=1), order=4), "dt": 0.05},
+    "composition": {"integrator": orbits.methods.Composition(base=orbits.Gauss(stages=1), order=4), "dt": 0.05},
     "backwards": {"duration": -20.0},
     "wisdom-holman": {"integrator": "wisdom-holman", "dt": 0.05},
 }
@@ -101,8 +101,8 @@ def test_an_interrupted_run_answers_up_to_its_last_step_and_goes_on_to_the_same_
     whole = orbits.propagate(system(), samples=30, dense=True, **options)
     path = stopped(tmp_path / "run.h5", case)
     part = orbits.Trajectory.open(path)
-    assert 0 < len(part.kept) < len(whole.kept)
-    last = part.kept.times[-1, 0]
+    assert 0 < len(part._kept) < len(whole._kept)
+    last = part._kept.times[-1, 0]
     if case == "wisdom-holman":  # every 64th step is kept, and the samples lead beyond
         assert part.times[-1] - last < 64 * 0.05
         last = part.times[-1]
@@ -113,15 +113,15 @@ def test_an_interrupted_run_answers_up_to_its_last_step_and_goes_on_to_the_same_
         part.at(1.2 * last)
     part.close()
     run = orbits.resume(path, progress=False)
-    assert np.array_equal(run.kept.times, whole.kept.times)
-    for mine, others in zip(run.kept.states(every(run)), whole.kept.states(every(whole)), strict=True):
+    assert np.array_equal(run._kept.times, whole._kept.times)
+    for mine, others in zip(run._kept.states(every(run)), whole._kept.states(every(whole)), strict=True):
         assert np.array_equal(mine, others)
     run.close()
     assert [each.name for each in tmp_path.iterdir()] == ["run.h5"]
 
 
 def every(run):
-    return np.arange(len(run.kept))
+    return np.arange(len(run._kept))
 
 
 @pytest.mark.parametrize("case", ["adaptive", "verlet"])
@@ -132,7 +132,7 @@ def test_an_extended_run_keeps_the_steps_of_its_extension_too(case, tmp_path, li
     run = orbits.resume(tmp_path / "run.h5", until=30.0, progress=False)
     asked = times(end=30.0)
     assert np.array_equal(run.at(asked).q, whole.at(asked).q)
-    assert len(run.kept) == len(whole.kept)
+    assert len(run._kept) == len(whole._kept)
     run.close()
 
 
@@ -141,7 +141,7 @@ def test_with_massless_particles_states_are_marched_from_every_sixty_fourth_step
     plain = orbits.propagate(start, samples=2, **options)
     run = orbits.propagate(start, samples=2, dense=True, archive=tmp_path / "run.h5", **options)
     assert np.array_equal(run.q, plain.q)
-    assert np.array_equal(run.kept.times[:, 0], 64 * run.step * np.arange(7))
+    assert np.array_equal(run._kept.times[:, 0], 64 * run.step * np.arange(7))
     asked = times(20)
     sampled = orbits.propagate(start, samples=asked, **options)
     assert np.abs(run.at(asked).q - sampled.q).max() < 2e-15  # 4.4e-16 was reached
@@ -149,7 +149,7 @@ def test_with_massless_particles_states_are_marched_from_every_sixty_fourth_step
     part = orbits.Trajectory.open(stopped(tmp_path / "part.h5", "gauss", system=start, integrator="gauss"))
     part.close()
     again = orbits.resume(tmp_path / "part.h5", progress=False)
-    assert np.array_equal(again.kept.times, run.kept.times)
+    assert np.array_equal(again._kept.times, run._kept.times)
     again.close()
 
 
@@ -175,11 +175,11 @@ def test_a_run_whose_file_was_deleted_still_has_its_steps(tmp_path):
 
 
 def test_a_run_that_a_condition_ends_keeps_the_steps_up_to_there():
-    stop = orbits.CloserThan(1.3, "outer", "star")
+    stop = orbits.events.CloserThan(1.3, "outer", "star")
     run = orbits.propagate(system(), duration=20.0, samples=3, dense=True, stop=stop, **QUIET)
     assert run.stopped is not None
     end = float(run.stopped.time)
-    assert run.kept.times[-1, 0] < end  # the last whole step
+    assert run._kept.times[-1, 0] < end  # the last whole step
     assert np.abs(run.at(end).q - run.stopped.system.q).max() < 1e-15  # its time has a second part; 2.2e-16
 
 
@@ -231,23 +231,23 @@ def test_behind_the_last_step_the_march_goes_on_with_shorter_steps_where_it_must
     q = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1e-6, 0.0]])
     v = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 0.5]])
     names = ["star", "planet", "moonlet"]
-    meeting = orbits.System.from_states(names, np.array([1.0, 1e-9, 1e-12]), q, v, units=orbits.DIMENSIONLESS)
+    meeting = orbits.System(names, np.array([1.0, 1e-9, 1e-12]), q, v, units=orbits.DIMENSIONLESS)
     before = orbits.propagate(meeting, duration=-0.5, **QUIET)[-1]
-    start = orbits.System.from_states(
+    start = orbits.System(
         names, before.values.gm, before.values.q, before.values.v, units=orbits.DIMENSIONLESS
     )
-    times = orbits.propagate(start, duration=0.6, dense=True, **QUIET).kept.times[:, 0]
+    times = orbits.propagate(start, duration=0.6, dense=True, **QUIET)._kept.times[:, 0]
     lengths = np.diff(times)
     sudden = int(np.argmin(lengths[1:] / lengths[:-1]))
     run = orbits.propagate(start, duration=times[sudden + 1] + 0.9 * lengths[sudden], samples=2, dense=True, **QUIET)
-    asked = np.linspace(run.kept.times[-1, 0], run.times[-1], 9)[1:-1]
+    asked = np.linspace(run._kept.times[-1, 0], run.times[-1], 9)[1:-1]
     sampled = orbits.propagate(start, duration=run.times[-1], samples=asked, **QUIET)
     assert np.abs(run.at(asked).q - sampled.q).max() < 1e-13  # 1.1e-14; one partial step alone would be 1e-4 off
 
 
 def test_terms_and_forces_act_in_partial_steps_too():
-    spin = orbits.FrameDragging("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
-    drag = orbits.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
+    spin = orbits.terms.FrameDragging("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
+    drag = orbits.terms.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))
     start, options = system().with_terms(spin).with_forces(drag), {"dt": 0.05, "duration": 20.0, **QUIET}
     sampled = orbits.propagate(start, samples=times(), **options)
     run = orbits.propagate(start, samples=3, dense=True, **options)

@@ -12,13 +12,14 @@ from astropy import units as u
 import orbits
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, Interrupted, UnknownNameError
-from orbits.propagation.results import error_bars, error_estimate
+from orbits.propagation.results import error_estimate
 from orbits.regression.reference import exact
+from orbits.results import error_bars
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 YEAR = 2 * np.pi
 
-pytestmark = pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 
 
 def lengths(x):
@@ -77,7 +78,7 @@ def test_bars_contain_the_errors_of_binaries_against_the_exact_solution_and_are_
 
 
 @pytest.mark.parametrize(
-    ("method", "steps"), [(VERLET, 400), (orbits.Gauss(stages=2), 60), (orbits.Composition(order=6), 30)]
+    ("method", "steps"), [(VERLET, 400), (orbits.Gauss(stages=2), 60), (orbits.methods.Composition(order=6), 30)]
 )
 def test_where_the_steps_limit_a_run_the_bar_is_twice_its_error(method, steps):
     system = binary(0.3)
@@ -177,8 +178,8 @@ def test_a_retired_particle_has_no_bars_afterwards_and_others_keep_theirs():
 
 @pytest.mark.parametrize("method", [GAUSS, orbits.Gauss(stages=3)])
 def test_terms_and_forces_act_on_the_companions_too(method):
-    system = planets().with_terms(orbits.FrameDragging("A", spin=1e-3, pole=[0.0, 0.6, 0.8], c=100.0))
-    system = system.with_forces(orbits.Drag(rate=1e-4, bodies=["B"]))
+    system = planets().with_terms(orbits.terms.FrameDragging("A", spin=1e-3, pole=[0.0, 0.6, 0.8], c=100.0))
+    system = system.with_forces(orbits.terms.Drag(rate=1e-4, bodies=["B"]))
     bars = run_of(system, method, dt=YEAR / 40).error_estimate()
     coarse = bars["B"].position.value[-1]
     assert 0 < coarse < (1e-12 if method is GAUSS else 1e-3)  # without the drag in a companion, 0.3
@@ -288,7 +289,7 @@ def test_runs_in_transformed_time_have_bars_and_runs_with_mergers_say_why_they_h
     bodies = {"star": {"gm": 1.0, "radius": 0.05}, "a": {**orbit, "a": 1.0}}
     bodies["b"] = {**orbit, "a": 1.1, "l": 1.0, "pomega": 3.0}
     disc = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
-    run = run_of(disc, events=orbits.Collision(then=orbits.Merge()), error_estimate=True)
+    run = run_of(disc, events=orbits.events.Collision(then=orbits.events.Merge()), error_estimate=True)
     assert len(run.events) == 1
     with pytest.raises(InputError, match=r"the same bodies from start to end, but in this run bodies merge, bounce"):
         run.error_estimate()

@@ -6,6 +6,22 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
+from orbits.events import (
+    Apocentre,
+    CloseApproach,
+    CloserThan,
+    Conjunction,
+    Ejection,
+    ElementCrossing,
+    Event,
+    FartherThan,
+    NodeCrossing,
+    Occultation,
+    Opposition,
+    Pericentre,
+    PlaneCrossing,
+    Transit,
+)
 
 GM = 1e-9
 PERIOD = 2.0 * np.pi / np.sqrt(1.0 + GM)
@@ -23,7 +39,7 @@ def times(run, kind):
     return run.events.time.value[run.events.kind == kind]
 
 
-APSIDES = [orbits.Pericentre("planet"), orbits.Apocentre("planet")]
+APSIDES = [Pericentre("planet"), Apocentre("planet")]
 
 
 # Seen: 1.4e-12, as r.v and so an apocentre is known to 1e-16 / e; 4.4e-13; and 2.9e-12, the phase of such an orbit.
@@ -59,7 +75,7 @@ def test_events_in_transformed_time_are_those_of_kepler(e):
     """Its method has no polynomial: the states are steps of its clock, and the last step of a run has no length."""
     bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": e, "M": 0.3, "gm": 0.5}}
     system, period = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS), 2.0 * np.pi / np.sqrt(1.5)
-    events = [orbits.Pericentre("planet", "star"), orbits.Apocentre("planet", "star")]
+    events = [Pericentre("planet", "star"), Apocentre("planet", "star")]
     run = orbits.propagate(system, dt=orbits.TimeTransformed(step=0.3), duration=5.4 * period, events=events)
     turns = np.arange(1, 6) - LATE
     # 1.8e-14 and 4.3e-14 seen.
@@ -68,7 +84,7 @@ def test_events_in_transformed_time_are_those_of_kepler(e):
 
 
 def test_nodes_alternate_and_lie_in_the_plane():
-    run = orbits.propagate(pair(inc=0.7), duration=10 * PERIOD, events=orbits.NodeCrossing("planet"))
+    run = orbits.propagate(pair(inc=0.7), duration=10 * PERIOD, events=NodeCrossing("planet"))
     assert run.events.kind.tolist() == ["ascending node", "descending node"] * 10 or run.events.kind.tolist() == [
         "descending node",
         "ascending node",
@@ -77,13 +93,13 @@ def test_nodes_alternate_and_lie_in_the_plane():
     q, v = ((x[:, 1] - x[:, 0]).value for x in (states.q, states.v))
     assert abs(q[:, 2]).max() < 1e-14
     assert ((v[:, 2] > 0.0) == (run.events.kind == "ascending node")).all()
-    up = orbits.propagate(pair(inc=0.7), duration=10 * PERIOD, events=orbits.NodeCrossing("planet", direction=1))
+    up = orbits.propagate(pair(inc=0.7), duration=10 * PERIOD, events=NodeCrossing("planet", direction=1))
     np.testing.assert_array_equal(up.events.time.value, times(run, "ascending node"))
 
 
 def test_a_plane_through_another_body_moves_with_it():
     normal = [1.0, 2.0, 0.5]
-    event = orbits.PlaneCrossing("planet", normal, about="star", offset=0.2, direction=-1)
+    event = PlaneCrossing("planet", normal, about="star", offset=0.2, direction=-1)
     run = orbits.propagate(pair(inc=0.7), duration=5 * PERIOD, events=event)
     assert len(run.events) == 5
     states = run.at(run.events.time)
@@ -92,7 +108,7 @@ def test_a_plane_through_another_body_moves_with_it():
 
 
 def test_a_distance_is_crossed_both_ways_once_an_orbit():
-    events = [orbits.CloserThan(0.9, "planet", "star"), orbits.FartherThan(0.9, "planet", "star")]
+    events = [CloserThan(0.9, "planet", "star"), FartherThan(0.9, "planet", "star")]
     run = orbits.propagate(pair(), duration=5 * PERIOD, events=events)
     assert run.events.kind.tolist() == ["farther than 0.9", "closer than 0.9"] * 5
     np.testing.assert_allclose(run.events.distance.value, 0.9, rtol=0.0, atol=1e-14)
@@ -100,7 +116,7 @@ def test_a_distance_is_crossed_both_ways_once_an_orbit():
 
 def test_a_close_approach_counts_only_within_the_distance_and_agrees_with_closest_approaches():
     system = orbits.System.solar_system(bodies=["Sun", "Venus", "Earth", "Moon", "Mars", "Jupiter"])
-    events = [orbits.CloseApproach("Earth", "Venus", within=0.28 * u.au), orbits.CloseApproach("Earth", "Venus")]
+    events = [CloseApproach("Earth", "Venus", within=0.28 * u.au), CloseApproach("Earth", "Venus")]
     run = orbits.propagate(system, duration=10 * u.yr, events=events[0])
     found = run.closest_approaches()["Venus"][0]
     nearest = run.events[int(np.argmin(run.events.distance))]
@@ -133,7 +149,7 @@ def test_two_crossings_of_a_plane_within_one_step_are_found_with_and_without_a_p
         top = int(np.argmax(x))
         when, apart = times[top], apart / 50.0
     for depth in (1e-4, 1e-6, least):
-        event = orbits.PlaneCrossing("planet", [1.0, 0.0, 0.0], about="star", offset=x[top] - depth)
+        event = PlaneCrossing("planet", [1.0, 0.0, 0.0], about="star", offset=x[top] - depth)
         found = orbits.propagate(
             system, method, dt=dt, duration=way * PERIOD, samples=2, events=event, check_step=False
         ).events
@@ -153,10 +169,10 @@ def test_bodies_that_come_within_a_distance_below_the_difference_of_a_long_step_
     ago = -(1.0 + phase) * dt
     back = orbits.propagate(met, dt=0.01, duration=ago, samples=[ago], check_step=False)
     start, options = met.replaced(q=back.q[-1], v=back.v[-1]), {"dt": dt, "duration": 4 * dt, "samples": 2}
-    least = orbits.propagate(start, method, events=orbits.CloseApproach("a", "b"), check_step=False, **options).events
+    least = orbits.propagate(start, method, events=CloseApproach("a", "b"), check_step=False, **options).events
     assert 2e-4 < least.distance[0].value < 5e-4
     bound = 1.25 * least.distance[0].value
-    events = [orbits.CloserThan(bound, "a", "b"), orbits.FartherThan(bound, "a", "b")]
+    events = [CloserThan(bound, "a", "b"), FartherThan(bound, "a", "b")]
     run = orbits.propagate(start, method, events=events, check_step=False, **options)
     assert [kind.split()[0] for kind in run.events.kind] == ["closer", "farther"]
     np.testing.assert_allclose(run.events.distance.value, bound, rtol=0.0, atol=1e-14)
@@ -169,11 +185,11 @@ def year_2012():
     system = orbits.System.solar_system("2012-01-01", bodies=names).replaced(radii=radii)
     from_earth = {"observer": "Earth", "apparent": True}
     events = [
-        orbits.Transit("Venus", "Sun", **from_earth),
-        orbits.Conjunction("Venus", "Sun", **from_earth),
-        orbits.Opposition("Mars", "Sun", **from_earth),
-        orbits.Transit("Moon", "Sun", **from_earth),
-        orbits.Occultation("Sun", "Moon", **from_earth),
+        Transit("Venus", "Sun", **from_earth),
+        Conjunction("Venus", "Sun", **from_earth),
+        Opposition("Mars", "Sun", **from_earth),
+        Transit("Moon", "Sun", **from_earth),
+        Occultation("Sun", "Moon", **from_earth),
     ]
     return orbits.propagate(system, duration=1 * u.yr, events=events)
 
@@ -225,7 +241,7 @@ def test_elements_cross_a_value_where_the_states_say_so():
     for name in ("a", "e", "q", "Q", "P", "inc", "Omega"):
         of_saturn = series.a[:, 2] * (1 + series.e[:, 2]) if name == "Q" else getattr(series, name)[:, 2]
         value = 0.5 * (of_saturn.min() + of_saturn.max())
-        found = orbits.propagate(system, duration=30 * u.yr, events=orbits.ElementCrossing("Saturn", name, value))
+        found = orbits.propagate(system, duration=30 * u.yr, events=ElementCrossing("Saturn", name, value))
         crossings = np.flatnonzero(np.diff(np.sign((of_saturn - value).value)))
         assert len(found.events) == len(crossings) > 0, name
         at = found.at(found.events.time).elements("Sun")
@@ -238,12 +254,12 @@ def test_elements_cross_a_value_where_the_states_say_so():
 
 def test_the_argument_of_pericentre_and_the_true_anomaly_cross_an_angle():
     system = pair(e=0.4, inc=0.5)
-    run = orbits.propagate(system, duration=3 * PERIOD, events=orbits.ElementCrossing("planet", "f", 2.0))
+    run = orbits.propagate(system, duration=3 * PERIOD, events=ElementCrossing("planet", "f", 2.0))
     assert len(run.events) == 3
     found = run.at(run.events.time).elements("star")
     # 3.5e-13 seen: the states of another march.
     np.testing.assert_allclose(found.f[:, 0].to_value(u.rad), 2.0, rtol=0.0, atol=1e-12)
-    at = orbits.ElementCrossing("planet", "omega", 0.9 + 1e-3)
+    at = ElementCrossing("planet", "omega", 0.9 + 1e-3)
     assert len(orbits.propagate(system, duration=3 * PERIOD, events=at).events) == 0  # Kepler's ellipse stands still
 
 
@@ -251,7 +267,7 @@ def test_a_body_is_ejected_once_and_only_with_energy_to_leave():
     q = [[-0.5, 0, 0], [0.5, 0, 0], [0, 5, 0], [0, 0, 5]]
     v = [[0, -0.7, 0], [0, 0.7, 0], [0, 1.5, 0], [0, 0, 0.8]]
     system = orbits.System(["a", "b", "fast", "slow"], [1.0, 1.0, 1e-6, 1e-6], q, v, units=orbits.DIMENSIONLESS)
-    run = orbits.propagate(system, duration=20.0, events=orbits.Ejection(8.0))
+    run = orbits.propagate(system, duration=20.0, events=Ejection(8.0))
     (event,) = run.events
     assert (event.kind, event.body) == ("ejection", "fast")
     assert event.distance.value == pytest.approx(8.0, abs=1e-12)
@@ -272,11 +288,11 @@ def test_a_function_in_numpy_compiled_and_of_sympy_give_the_same_events():
     def compiled(t, q, v):
         return q[1, 0] - q[0, 0] - 0.1 * math.sin(t)
 
-    x, x0 = orbits.Event.symbols("planet")[0], orbits.Event.symbols("star")[0]
+    x, x0 = Event.symbols("planet")[0], Event.symbols("star")[0]
     expression = x - x0 - sympy.sin(sympy.Symbol("t")) / 10
     rows = []
     for function in (own, compiled, expression):
-        event = orbits.Event(function, name="mine", bodies=("planet", "star"))
+        event = Event(function, name="mine", bodies=("planet", "star"))
         rows.append(orbits.propagate(pair(), duration=5 * PERIOD, events=event).events)
     assert len(rows[0]) == 10
     assert rows[0][0].kind == "mine"
@@ -287,7 +303,7 @@ def test_a_function_in_numpy_compiled_and_of_sympy_give_the_same_events():
 
 def test_events_that_only_record_change_no_bit_of_the_run():
     plain = orbits.propagate(pair(0.9), duration=5 * PERIOD, samples=37)
-    watched = orbits.propagate(pair(0.9), duration=5 * PERIOD, samples=37, events=[*APSIDES, orbits.Event(own)])
+    watched = orbits.propagate(pair(0.9), duration=5 * PERIOD, samples=37, events=[*APSIDES, Event(own)])
     np.testing.assert_array_equal(plain.q, watched.q)
     np.testing.assert_array_equal(plain.v, watched.v)
     assert len(watched.events) > 10
@@ -308,8 +324,8 @@ def test_the_samples_of_a_run_do_not_change_a_bit_of_its_events():
 
 
 def test_a_run_stops_at_an_event_with_the_state_there():
-    event = orbits.Apocentre("planet", then="stop")
-    run = orbits.propagate(pair(), duration=5 * PERIOD, samples=101, events=[orbits.Pericentre("planet"), event])
+    event = Apocentre("planet", then="stop")
+    run = orbits.propagate(pair(), duration=5 * PERIOD, samples=101, events=[Pericentre("planet"), event])
     at = (0.5 - LATE) * PERIOD
     assert run.stopped.condition == event
     assert run.stopped.time.value == pytest.approx(at, abs=4e-13)
@@ -323,7 +339,7 @@ def test_a_run_stops_at_an_event_with_the_state_there():
 
 def test_a_run_stops_at_an_event_between_its_last_step_and_a_sample():
     """Off the grid of long steps, samples, the end of the run and events all lie within one step."""
-    event = orbits.Apocentre("planet", then="stop")
+    event = Apocentre("planet", then="stop")
     for samples in ([0.0, 1.0, 2.84, 2.85, 2.95], [0.0, 2.95]):
         run = orbits.propagate(pair(), dt=1.0, duration=2.95, samples=samples, events=event, check_step=False)
         assert run.stopped.time.value == pytest.approx(2.8416, abs=1e-3)  # the orbit of a step that is far too long
@@ -333,7 +349,7 @@ def test_a_run_stops_at_an_event_between_its_last_step_and_a_sample():
 
 def test_a_function_is_called_at_an_event_and_the_run_goes_on():
     seen = []
-    event = orbits.Pericentre("planet", then=lambda t, system: seen.append((t.value, system)))
+    event = Pericentre("planet", then=lambda t, system: seen.append((t.value, system)))
     run = orbits.propagate(pair(), duration=3 * PERIOD, events=event)
     assert [t for t, _ in seen] == run.events.time.value.tolist()
     assert len(seen) == 3
@@ -346,7 +362,7 @@ def test_a_function_is_called_at_an_event_and_the_run_goes_on():
 
 def test_the_table_has_dates_units_and_names():
     system = orbits.System.solar_system(bodies=["Sun", "Venus", "Earth", "Moon", "Mars", "Jupiter"])
-    run = orbits.propagate(system, duration=1 * u.yr, events=[orbits.Pericentre("Earth"), orbits.NodeCrossing("Mars")])
+    run = orbits.propagate(system, duration=1 * u.yr, events=[Pericentre("Earth"), NodeCrossing("Mars")])
     table = run.events.to_table()
     assert table.colnames == ["date", "time", "kind", "body", "other", "distance", "speed"]
     assert table["time"].unit == u.day
@@ -367,7 +383,7 @@ def test_a_run_without_events_and_one_in_which_none_happens_have_an_empty_table(
     run = orbits.propagate(pair(), duration=1.0)
     assert len(run.events) == 0
     assert repr(run.events) == "no events"
-    never = orbits.propagate(pair(), duration=1.0, events=orbits.CloserThan(0.01, "planet", "star"))
+    never = orbits.propagate(pair(), duration=1.0, events=CloserThan(0.01, "planet", "star"))
     assert len(never.events) == 0
     assert len(never.events.to_table()) == 0
     assert never.complete

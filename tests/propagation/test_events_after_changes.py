@@ -21,15 +21,15 @@ def test_a_function_at_an_event_is_given_the_masses_of_now():
         seen.append(float(system.values.gm[0]))
         return system.replaced(gm=system.gm * [1.05, 1.0])
 
-    run = propagate(30.0, orbits.Pericentre("p", then=grow))
+    run = propagate(30.0, orbits.events.Pericentre("p", then=grow))
     assert seen == [1.0, 1.05]
     assert run[-1].values.gm[0] == 1.05 * 1.05
 
 
 def test_elements_cross_values_by_the_masses_of_now():
     """With twice the mass from the first apocentre on, e is never 0.6; with the old mass it would seem to be."""
-    heavier = orbits.Apocentre("p", then=lambda t, system: system.replaced(gm=[2.0, 1e-3]))
-    run = propagate(60.0, heavier, orbits.ElementCrossing("p", "e", 0.6))
+    heavier = orbits.events.Apocentre("p", then=lambda t, system: system.replaced(gm=[2.0, 1e-3]))
+    run = propagate(60.0, heavier, orbits.events.ElementCrossing("p", "e", 0.6))
     assert set(run.events.kind) == {"apocentre"}
 
 
@@ -42,31 +42,31 @@ def test_what_acts_just_before_the_end_acts_once(beyond, recwarn):
         return system.replaced(v=system.v.value * [[1.0], [1.05]])
 
     end = 14.928269695716267 + beyond
-    run = propagate(end, orbits.Pericentre("p", then=burn), samples=[end - 1.0, end])
+    run = propagate(end, orbits.events.Pericentre("p", then=burn), samples=[end - 1.0, end])
     assert len(times) == 1
     assert len(run.events) == 1
     assert not recwarn.list  # what changes little in a tiny part of a step is no round-off
 
 
 def test_parts_of_a_run_have_the_events_of_their_time():
-    run = propagate(30.0, orbits.Pericentre("p"))
+    run = propagate(30.0, orbits.events.Pericentre("p"))
     assert len(run.events) == 2
     assert len(run[:60].events) == 1
     assert len(run.at([10.0, 20.0]).events) == 1
 
 
 def test_the_zeros_of_a_function_that_jumps_are_those_of_its_sign():
-    smooth = propagate(40.0, orbits.Event(lambda t, q, v: q[:, 1, 0], name="x")).events.time.value
-    jumps = propagate(40.0, orbits.Event(lambda t, q, v: np.sign(q[:, 1, 0]), name="side")).events.time.value
+    smooth = propagate(40.0, orbits.events.Event(lambda t, q, v: q[:, 1, 0], name="x")).events.time.value
+    jumps = propagate(40.0, orbits.events.Event(lambda t, q, v: np.sign(q[:, 1, 0]), name="side")).events.time.value
     assert len(smooth) == 5
     assert np.abs(jumps - smooth).max() < 1e-12
 
 
 @pytest.mark.parametrize("archive", [None, "run.h5"])
 def test_the_events_before_a_function_fails_are_kept(tmp_path, archive):
-    fails = orbits.Event(lambda t, q, v: np.where(t > 20.0, np.nan, q[:, 1, 0]), name="x")
+    fails = orbits.events.Event(lambda t, q, v: np.where(t > 20.0, np.nan, q[:, 1, 0]), name="x")
     where = None if archive is None else tmp_path / archive
-    with pytest.raises(orbits.EventError, match="is nan at t = 20") as caught:
+    with pytest.raises(orbits.errors.EventError, match="is nan at t = 20") as caught:
         propagate(40.0, fails, archive=where)
     assert len(caught.value.trajectory.events) == 3  # at 1.7, 13.2 and 16.6
     if where is not None:
@@ -77,9 +77,9 @@ def test_error_bars_that_a_run_cannot_have_are_told_of():
     def burn(t, system):
         return system.replaced(v=system.v.value * [[1.0], [1.05]])
 
-    with pytest.warns(orbits.OrbitsWarning, match="no error bars, as bodies merged, bounced or were changed"):
-        run = propagate(20.0, orbits.Pericentre("p", then=burn), error_estimate=True)
-    with pytest.raises(orbits.InputError, match="merge, bounce, or are changed at events"):
+    with pytest.warns(orbits.errors.OrbitsWarning, match="no error bars, as bodies merged, bounced or were changed"):
+        run = propagate(20.0, orbits.events.Pericentre("p", then=burn), error_estimate=True)
+    with pytest.raises(orbits.errors.InputError, match="merge, bounce, or are changed at events"):
         run.error_estimate()
 
 
@@ -90,11 +90,11 @@ def test_after_a_push_on_a_massless_body_nothing_answers_from_the_last_part_of_t
     def push(t, now):
         return now.replaced(v=now.v.value * [[1.0], [1.0], [1.05]])
 
-    options = {"duration": 20.0, "events": orbits.Pericentre("p", then=push), "progress": False}
+    options = {"duration": 20.0, "events": orbits.events.Pericentre("p", then=push), "progress": False}
     where = tmp_path / "run.h5"
     orbits.propagate(system, archive=where, **options).close()
     for run in (orbits.propagate(system, **options), orbits.Trajectory.open(where)):
         for question in (run.closest_approaches, run.unresolved, run.error_estimate):
-            with pytest.raises(orbits.InputError, match="merge, bounce, or are changed at events"):
+            with pytest.raises(orbits.errors.InputError, match="merge, bounce, or are changed at events"):
                 question()
         run.close()

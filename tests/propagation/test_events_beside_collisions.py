@@ -10,8 +10,8 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits import Bounce, CloseApproach, CloserThan, Collision, Event, Merge, Pericentre, PlaneCrossing
 from orbits.errors import EventError, EventWarning, InputError
+from orbits.events import Bounce, CloseApproach, CloserThan, Collision, Event, Merge, Pericentre, PlaneCrossing
 
 D = orbits.DIMENSIONLESS
 MERGE = Collision(then=Merge())
@@ -56,8 +56,8 @@ SOUGHT = [
     MERGE,
     Pericentre(),
     CloseApproach(within=0.05),
-    orbits.NodeCrossing(primary="star"),
-    orbits.Conjunction("p1", "p2", observer="star"),
+    orbits.events.NodeCrossing(primary="star"),
+    orbits.events.Conjunction("p1", "p2", observer="star"),
 ]
 
 
@@ -111,8 +111,8 @@ def test_events_that_record_change_no_bit_of_a_run_with_collisions(dt: float | N
 
 @STEPS
 def test_nothing_more_is_said_of_a_body_that_is_gone(dt: float | None) -> None:
-    seen = orbits.Conjunction("a", "p", observer="b")
-    events = [MERGE, CloserThan(1.9, "a", "b"), seen, PlaneCrossing("p"), orbits.Ejection(0.1)]
+    seen = orbits.events.Conjunction("a", "p", observer="b")
+    events = [MERGE, CloserThan(1.9, "a", "b"), seen, PlaneCrossing("p"), orbits.events.Ejection(0.1)]
     run = propagate(three(), events, dt=dt, duration=60.0)
     gone = run.events.kind.tolist().index("merger")
     assert "b" in {e.body for e in run.events[: gone + 1]} | {e.other for e in run.events[: gone + 1]}
@@ -316,7 +316,7 @@ def test_a_function_that_fails_after_a_collision_keeps_what_was_found_before() -
 
 
 def test_events_go_on_after_a_body_with_a_term_of_its_own_is_gone() -> None:
-    flat = orbits.ZonalHarmonics("b", radius=0.05, J2=1e-3, pole=[0, 0, 1])
+    flat = orbits.terms.ZonalHarmonics("b", radius=0.05, J2=1e-3, pole=[0, 0, 1])
     events = [MERGE, CloserThan(1.0, "a", "b"), CloseApproach("p")]
     run = propagate(three().replaced(terms=[flat]), events, duration=4.0)
     assert [e.kind for e in run.events] == ["close approach", "closer than 1", "merger", "close approach"]

@@ -5,7 +5,19 @@ import pytest
 from astropy import units as u
 
 import orbits
+from orbits.errors import ConvergenceError, EventError, InputError, RetiredWarning
+from orbits.events import (
+    Apocentre,
+    CloseApproach,
+    CloserThan,
+    Conjunction,
+    ElementCrossing,
+    Event,
+    Pericentre,
+    WallTimeOver,
+)
 from orbits.propagation.events import particles, subjects
+from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 from orbits.trajectory.events import NUMBER
 
 BODIES = ["Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune"]
@@ -18,14 +30,14 @@ POLE = (0.36, 0.48, 0.8)
 STEPS = pytest.mark.parametrize("dt", [None, 0.02], ids=["adaptive", "constant"])
 
 SEVERAL = [
-    orbits.Pericentre("probe"),
-    orbits.Apocentre("planet"),
-    orbits.CloserThan(0.5, "probe", "planet"),
-    orbits.ElementCrossing("probe", "f", 1.25),
-    orbits.Conjunction("moon", "planet", observer="probe"),
-    orbits.Event(lambda t, q, v: q[:, 3, 0] - q[:, 1, 0], name="aligned", bodies="probe"),
+    Pericentre("probe"),
+    Apocentre("planet"),
+    CloserThan(0.5, "probe", "planet"),
+    ElementCrossing("probe", "f", 1.25),
+    Conjunction("moon", "planet", observer="probe"),
+    Event(lambda t, q, v: q[:, 3, 0] - q[:, 1, 0], name="aligned", bodies="probe"),
 ]
-STORED = [*SEVERAL[:-1], orbits.Pericentre("dust"), orbits.CloseApproach("probe", "dust")]
+STORED = [*SEVERAL[:-1], Pericentre("dust"), CloseApproach("probe", "dust")]
 
 
 def system(gm=0.0):
@@ -61,7 +73,7 @@ def solar():
 
 @pytest.mark.parametrize("dt", [None, 0.05 * u.day], ids=["adaptive", "constant"])
 def test_a_massless_apophis_passes_as_one_with_a_tiny_mass(solar, dt):
-    options = {"dt": dt, "until": "2029-06-01", "events": [orbits.CloseApproach("Apophis", within=0.1 * u.au)]}
+    options = {"dt": dt, "until": "2029-06-01", "events": [CloseApproach("Apophis", within=0.1 * u.au)]}
     massless = orbits.propagate(solar.add("Apophis", **APOPHIS), **options).events
     tiny = orbits.propagate(solar.add("Apophis", **APOPHIS, gm=1e-30), **options).events
     assert listed(massless) == listed(tiny) == [("close approach", "Apophis", name) for name in ("Earth", "Moon")]
@@ -80,7 +92,7 @@ def test_a_massless_body_that_passes_fast_where_there_are_hardly_forces_is_seen(
         limit = 1.0 / way_over_limit
         q = [[0, 0, 1e4], [0, 0, 0], [-3.3, 0.5 * limit, 0]]
         bodies = orbits.System(["star", "a", "bullet"], gm, q, v, units=orbits.DIMENSIONLESS)
-        events = [orbits.CloseApproach("bullet", "a"), orbits.CloserThan(limit, "bullet", "a")]
+        events = [CloseApproach("bullet", "a"), CloserThan(limit, "bullet", "a")]
         found = sought(events, bodies, dt=dt, duration=8.0, samples=2).events
         assert found.kind.tolist() == [f"closer than {limit:g}", "close approach"]
         np.testing.assert_allclose(found.time.value, [3.3 - np.sqrt(0.75) * limit, 3.3], rtol=0.0, atol=1e-14)
@@ -111,15 +123,15 @@ def test_events_at_the_times_of_samples_are_found_once(dt):
 def test_a_zero_exactly_at_the_start_is_no_event(dt):
     q, v = [[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1 / 3, 0], [0, 0.9, 0]]
     bodies = orbits.System(["star", "planet", "probe"], [1.0, 1e-12, 0.0], q, v, units=orbits.DIMENSIONLESS)
-    run = sought(orbits.Apocentre("probe"), bodies, dt=dt)
+    run = sought(Apocentre("probe"), bodies, dt=dt)
     period = 2.0 * np.pi * (2.0 - 0.9**2) ** -1.5
     np.testing.assert_allclose(run.events.time.value, period * np.arange(1, 7), rtol=0.0, atol=1e-9)
 
 
 @STEPS
 def test_neither_the_run_nor_other_events_change_by_a_bit(dt):
-    alone = sought([orbits.Apocentre("planet"), orbits.Pericentre("dust")], dt=dt)
-    more = sought([orbits.Apocentre("planet"), orbits.Pericentre("dust"), *SEVERAL], dt=dt)
+    alone = sought([Apocentre("planet"), Pericentre("dust")], dt=dt)
+    more = sought([Apocentre("planet"), Pericentre("dust"), *SEVERAL], dt=dt)
     plain = sought([], dt=dt)
     for run in (alone, more):
         np.testing.assert_array_equal(run.q.value, plain.q.value)
@@ -174,9 +186,9 @@ def test_an_extended_run_has_the_events_of_one_run(tmp_path, dt):
 @STEPS
 def test_a_run_ends_at_an_event_and_goes_on_past_it(tmp_path, dt):
     path = tmp_path / "run.h5"
-    stop = orbits.Apocentre("probe", then="stop")
-    events = [orbits.Apocentre("planet"), orbits.Pericentre("probe"), stop, orbits.Pericentre("dust")]
-    whole = sought([orbits.Apocentre("planet"), orbits.Pericentre("probe"), orbits.Apocentre("probe")], dt=dt)
+    stop = Apocentre("probe", then="stop")
+    events = [Apocentre("planet"), Pericentre("probe"), stop, Pericentre("dust")]
+    whole = sought([Apocentre("planet"), Pericentre("probe"), Apocentre("probe")], dt=dt)
     run = sought(events, dt=dt, archive=path)
     times = [event.time.value for event in whole.events["probe"] if event.kind == "apocentre"]
     for time in times:
@@ -203,13 +215,13 @@ def test_a_run_ends_at_an_event_and_goes_on_past_it(tmp_path, dt):
 
 
 def test_the_first_of_several_reasons_ends_a_run():
-    mine, planet = orbits.Apocentre("probe", then="stop"), orbits.Apocentre("planet", then="stop")
+    mine, planet = Apocentre("probe", then="stop"), Apocentre("planet", then="stop")
     ends = [sought([event]).stopped.time.value for event in (mine, planet)]
-    both = sought([planet, mine, orbits.Pericentre("dust")])
+    both = sought([planet, mine, Pericentre("dust")])
     assert both.stopped.condition == (mine, planet)[int(np.argmin(ends))]
     assert both.stopped.time.value == pytest.approx(min(ends), rel=0.0, abs=1e-13)
     assert both.events.time.value[-1] == both.stopped.time.value
-    late = sought([orbits.Pericentre("probe")], stop=orbits.WallTimeOver(1e6), callback=lambda t, state: t.value > 14.0)
+    late = sought([Pericentre("probe")], stop=WallTimeOver(1e6), callback=lambda t, state: t.value > 14.0)
     assert late.events.time.value[-1] <= late.stopped.time.value
 
 
@@ -221,8 +233,8 @@ def falling():
 
 
 def test_a_retired_body_has_the_events_before_it_is_lost_and_none_after():
-    events = [orbits.CloserThan(0.2, "stone", "star"), orbits.Pericentre("stone"), orbits.Pericentre("probe")]
-    with pytest.warns(orbits.RetiredWarning):
+    events = [CloserThan(0.2, "stone", "star"), Pericentre("stone"), Pericentre("probe")]
+    with pytest.warns(RetiredWarning):
         run = sought(events, falling())
     assert run.retired.names == ("stone",)
     assert run.events["stone"].kind.tolist() == ["closer than 0.2"]
@@ -238,12 +250,12 @@ def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(m
 
     def failing(march, place):
         if march.start > 10.0:
-            raise orbits.ConvergenceError("the stages did not converge", step=1, time=0.0)
+            raise ConvergenceError("the stages did not converge", step=1, time=0.0)
         return real(march, place)
 
     monkeypatch.setattr(particles, "stretches", failing)
-    with pytest.raises(orbits.EventError, match=r"of probe cannot be sought from t = 9 to 12: .*smaller dt") as error:
-        sought(orbits.Pericentre("probe"), dt=0.02)
+    with pytest.raises(EventError, match=r"of probe cannot be sought from t = 9 to 12: .*smaller dt") as error:
+        sought(Pericentre("probe"), dt=0.02)
     run = error.value.trajectory
     assert run.times.tolist() == [0.0, 3.0, 6.0, 9.0]
     assert len(run.events) == 3  # the last one in the steps before that one
@@ -251,11 +263,11 @@ def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(m
 
 def test_terms_and_forces_act_on_what_is_followed():
     dressed = system().with_terms(
-        orbits.ZonalHarmonics("star", J2=0.05, radius=0.3, pole=POLE),
-        orbits.FrameDragging("star", spin=0.05, pole=POLE, c=3.0),
+        ZonalHarmonics("star", J2=0.05, radius=0.3, pole=POLE),
+        FrameDragging("star", spin=0.05, pole=POLE, c=3.0),
     )
-    dressed = dressed.with_forces(orbits.Drag(rate=1e-3, bodies=["planet", "probe"]))
-    events = sought(orbits.Pericentre("probe"), dressed, dt=0.02, duration=10.0, samples=3).events
+    dressed = dressed.with_forces(Drag(rate=1e-3, bodies=["planet", "probe"]))
+    events = sought(Pericentre("probe"), dressed, dt=0.02, duration=10.0, samples=3).events
     assert len(events) == 3
     fine = sought([], dressed, dt=0.01, duration=10.0, samples=[0.0, *events.time.value, 10.0])
     q, v = (x.value[1:-1, 3] - x.value[1:-1, 0] for x in (fine.q, fine.v))
@@ -264,18 +276,18 @@ def test_terms_and_forces_act_on_what_is_followed():
 
 
 def test_what_cannot_be_sought_is_refused_with_a_remedy(monkeypatch):
-    with pytest.raises(orbits.InputError, match=r"Pericentre: probe is a massless particle, on which nothing acts"):
-        sought(orbits.Pericentre("probe", then=lambda t, state: None))
-    acting = orbits.Pericentre("planet", then=lambda t, state: None)
-    with pytest.raises(orbits.InputError, match=r"whose events are not sought in a run whose bodies may be changed"):
-        sought([acting, orbits.Pericentre("probe")])
-    with pytest.raises(orbits.InputError, match=r"dense=True .* leave one of the two out"):
-        sought(orbits.Pericentre("probe", then="stop"), dense=True)
+    with pytest.raises(InputError, match=r"Pericentre: probe is a massless particle, on which nothing acts"):
+        sought(Pericentre("probe", then=lambda t, state: None))
+    acting = Pericentre("planet", then=lambda t, state: None)
+    with pytest.raises(InputError, match=r"whose events are not sought in a run whose bodies may be changed"):
+        sought([acting, Pericentre("probe")])
+    with pytest.raises(InputError, match=r"dense=True .* leave one of the two out"):
+        sought(Pericentre("probe", then="stop"), dense=True)
     monkeypatch.setattr(subjects, "MOST_PARTICLES", 1)
-    with pytest.raises(orbits.InputError, match=r"events of 2 massless bodies; at most 1 are followed"):
-        sought([orbits.Pericentre("probe"), orbits.Pericentre("dust")])
+    with pytest.raises(InputError, match=r"events of 2 massless bodies; at most 1 are followed"):
+        sought([Pericentre("probe"), Pericentre("dust")])
 
 
 def test_dense_output_and_events_of_massless_bodies_go_together():
-    run = sought(orbits.Pericentre("probe"), dense=True)
-    same(run.events, sought(orbits.Pericentre("probe")).events)
+    run = sought(Pericentre("probe"), dense=True)
+    same(run.events, sought(Pericentre("probe")).events)

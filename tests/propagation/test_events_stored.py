@@ -12,14 +12,14 @@ from orbits.trajectory.events import MOST_EVENTS
 
 PERIOD = 2.0 * np.pi
 EVENTS = [
-    orbits.Pericentre("planet"),
-    orbits.Apocentre("planet"),
-    orbits.CloserThan(0.9, "planet", "star"),
-    orbits.NodeCrossing("planet", direction=1),
-    orbits.PlaneCrossing("planet", [1.0, 0.0, 0.3], about="star", offset=0.1),
-    orbits.ElementCrossing("planet", "f", 1.25),
-    orbits.Conjunction("planet", "moon", observer="star"),
-    orbits.Transit("planet", "star", observer="moon"),
+    orbits.events.Pericentre("planet"),
+    orbits.events.Apocentre("planet"),
+    orbits.events.CloserThan(0.9, "planet", "star"),
+    orbits.events.NodeCrossing("planet", direction=1),
+    orbits.events.PlaneCrossing("planet", [1.0, 0.0, 0.3], about="star", offset=0.1),
+    orbits.events.ElementCrossing("planet", "f", 1.25),
+    orbits.events.Conjunction("planet", "moon", observer="star"),
+    orbits.events.Transit("planet", "star", observer="moon"),
 ]
 
 
@@ -87,7 +87,7 @@ def test_an_extended_run_has_the_events_of_the_part_of_a_step_at_its_former_end_
 
 def test_a_run_that_an_event_stopped_is_resumed_past_it_up_to_the_next_one(tmp_path):
     path = tmp_path / "run.h5"
-    events = [orbits.Pericentre("planet"), orbits.Apocentre("planet", then="stop")]
+    events = [orbits.events.Pericentre("planet"), orbits.events.Apocentre("planet", then="stop")]
     run = orbits.propagate(system(), duration=4 * PERIOD, archive=path, events=events)
     kinds = [run.events.kind.tolist()]
     run.close()
@@ -114,12 +114,12 @@ def mine(t, q, v):
 def test_events_with_quantities_are_known_to_an_archive(tmp_path):
     sky = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Mercury", "Venus"])
     events = [
-        orbits.CloseApproach("Mercury", "Venus", within=0.9 * u.au),
-        orbits.CloserThan(70e6 * u.km, "Mercury", "Venus"),
-        orbits.FartherThan(0.4 * u.au, "Mercury", "Sun"),
-        orbits.Ejection(1e3 * u.au, "Venus"),
-        orbits.ElementCrossing("Mercury", "f", 30 * u.deg),
-        orbits.PlaneCrossing("Mercury", np.array([0.0, 0.1, 1.0]), about="Sun", offset=1e6 * u.km),
+        orbits.events.CloseApproach("Mercury", "Venus", within=0.9 * u.au),
+        orbits.events.CloserThan(70e6 * u.km, "Mercury", "Venus"),
+        orbits.events.FartherThan(0.4 * u.au, "Mercury", "Sun"),
+        orbits.events.Ejection(1e3 * u.au, "Venus"),
+        orbits.events.ElementCrossing("Mercury", "f", 30 * u.deg),
+        orbits.events.PlaneCrossing("Mercury", np.array([0.0, 0.1, 1.0]), about="Sun", offset=1e6 * u.km),
     ]
     path = tmp_path / "run.h5"
     for event in events:
@@ -128,21 +128,21 @@ def test_events_with_quantities_are_known_to_an_archive(tmp_path):
         whole = orbits.propagate(sky, duration=200 * u.day, events=event)
         resumed = orbits.resume(path, until=200 * u.day)
         same(resumed.events, whole.events)
-        assert len(whole.events) or isinstance(event, orbits.Ejection)
+        assert len(whole.events) or isinstance(event, orbits.events.Ejection)
         resumed.close()
 
 
 def test_a_function_has_to_be_given_again_and_the_same_one(tmp_path):
     path = tmp_path / "run.h5"
-    event = orbits.Event(mine, name="mine")
+    event = orbits.events.Event(mine, name="mine")
     run = orbits.propagate(system(), duration=2 * PERIOD, archive=path, events=event)
     count = len(run.events)
     assert run.events.kind.tolist() == ["mine"] * count
     run.close()
-    with pytest.raises(orbits.InputError, match=r"Event, with a function .* give the same events again"):
+    with pytest.raises(orbits.errors.InputError, match=r"Event, with a function .* give the same events again"):
         orbits.resume(path, until=4 * PERIOD)
-    with pytest.raises(orbits.InputError, match="events are not those of the run"):
-        orbits.resume(path, until=4 * PERIOD, events=orbits.Event(mine, name="other"))
+    with pytest.raises(orbits.errors.InputError, match="events are not those of the run"):
+        orbits.resume(path, until=4 * PERIOD, events=orbits.events.Event(mine, name="other"))
     run = orbits.resume(path, until=4 * PERIOD, events=event)
     assert len(run.events) > count
     run.close()
@@ -151,7 +151,7 @@ def test_a_function_has_to_be_given_again_and_the_same_one(tmp_path):
 def test_a_run_without_events_cannot_get_any_later(tmp_path):
     path = tmp_path / "run.h5"
     orbits.propagate(system(), duration=1.0, archive=path).close()
-    with pytest.raises(orbits.InputError, match="sought no events"):
+    with pytest.raises(orbits.errors.InputError, match="sought no events"):
         orbits.resume(path, until=2.0, events=EVENTS)
     run = orbits.Trajectory.open(path)
     assert len(run.events) == 0
@@ -182,7 +182,7 @@ def test_impossible_rows_are_refused(tmp_path, column, value):
     checkpoint = {"events": rows, "event_counts": np.array([count, count])}
     Log(1.0).restore(checkpoint, len(run.events._words), 3, "run.h5")
     rows[count // 2, column] = value
-    with pytest.raises(orbits.ArchiveError, match=r"run.h5 is damaged: the list of events"):
+    with pytest.raises(orbits.errors.ArchiveError, match=r"run.h5 is damaged: the list of events"):
         Log(1.0).restore(checkpoint, len(run.events._words), 3, "run.h5")
 
 

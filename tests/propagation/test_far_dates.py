@@ -45,7 +45,7 @@ def test_a_run_goes_on_from_there_through_an_archive(long_run, tmp_path):
 
 def test_events_and_approaches_there_have_dates(long_run):
     found = orbits.propagate(
-        long_run[-1], duration=15 * u.yr, events=orbits.Pericentre("Jupiter", "Sun"), samples=3, progress=False
+        long_run[-1], duration=15 * u.yr, events=orbits.events.Pericentre("Jupiter", "Sun"), samples=3, progress=False
     )
     assert "J22" in str(found.events)
     assert np.all(found.events.to_table()["date"].jyear > 22000.0)
@@ -58,5 +58,5 @@ def test_dates_in_calendars_are_written_as_before_and_far_ones_are_only_taken_fr
     far = Time(1e9, format="jd", scale="tdb")
     assert as_epoch(far) == far
     assert date_text(far) == f"J{far.jyear:.3f}"
-    with pytest.raises(orbits.EpochError, match="after AD 9999"):
+    with pytest.raises(orbits.errors.EpochError, match="after AD 9999"):
         as_epoch(1e9)

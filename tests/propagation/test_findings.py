@@ -19,7 +19,7 @@ def test_a_finding_lists_its_cases_counts_the_others_and_ends_with_the_remedy():
 
 
 def test_a_warning_carries_its_finding_and_names_the_line_that_asked_for_the_run():
-    with pytest.warns(orbits.StepWarning) as caught:
+    with pytest.warns(orbits.errors.StepWarning) as caught:
         orbits.propagate(systems()[0], "stormer-verlet", dt=0.5, duration=1.0, progress=False)
     found = caught[0].message.finding
     assert str(found) == str(caught[0].message)
@@ -31,7 +31,7 @@ def test_a_warning_carries_its_finding_and_names_the_line_that_asked_for_the_run
 def test_findings_of_one_kind_are_told_once_and_other_warnings_by_their_text():
     def make(k):
         name = ["Mercury", "2007 XB", "Venus"][k]
-        Finding(f"{name} passes at {k} AU", orbits.StepWarning, "passage").warn()
+        Finding(f"{name} passes at {k} AU", orbits.errors.StepWarning, "passage").warn()
         warnings.warn(f"of the user, {k // 2}", RuntimeWarning, stacklevel=1)
 
     with warnings.catch_warnings(record=True) as caught:
@@ -58,7 +58,7 @@ def told(call):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         call()
-    (one,) = [warning for warning in caught if issubclass(warning.category, orbits.StepWarning)]
+    (one,) = [warning for warning in caught if issubclass(warning.category, orbits.errors.StepWarning)]
     return str(one.message)
 
 

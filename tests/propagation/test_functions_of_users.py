@@ -15,6 +15,7 @@ import pytest
 
 import orbits
 from orbits.errors import ArchiveError, InputError
+from orbits.events import Event, Pericentre
 from orbits.propagation.events.functions import description
 
 SYSTEM = orbits.System(
@@ -44,18 +45,18 @@ def x_of_ship(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
 def test_what_an_acting_function_raises_has_the_run_before_it_and_a_resumed_run_acts_there(
     dt: float | None, tmp_path: Path
 ) -> None:
-    path, events = tmp_path / "run.h5", orbits.Pericentre("ship", then=failing)
+    path, events = tmp_path / "run.h5", Pericentre("ship", then=failing)
     with pytest.raises(OwnError, match="no fuel") as caught:
         orbits.propagate(SYSTEM, dt=dt, duration=60.0, samples=61, events=events, archive=path)
     assert "then=failing, at 'pericentre', t = " in caught.value.__notes__[0]
     before = caught.value.trajectory
-    whole = orbits.propagate(SYSTEM, dt=dt, duration=60.0, samples=61, events=orbits.Pericentre("ship", then=faster))
+    whole = orbits.propagate(SYSTEM, dt=dt, duration=60.0, samples=61, events=Pericentre("ship", then=faster))
     assert 20 <= len(before) < 61
     assert np.array_equal(before.q, whole.q[: len(before)])
     assert len(before.events) == int((whole.events.time.value < 20.0).sum())  # those at which the function acted
     before.close()
     # As if it had never failed: the event at which it failed is not taken for done.
-    mended = orbits.Pericentre("ship", then=faster)
+    mended = Pericentre("ship", then=faster)
     resumed = orbits.resume(path, events=mended, same_bits=False)
     assert np.array_equal(resumed.q, whole.q)
     assert np.array_equal(resumed.events.time, whole.events.time)
@@ -85,7 +86,7 @@ def test_a_run_whose_event_function_raises_keeps_its_samples_and_cannot_be_resum
         return q[:, 1, 1]
 
     path = tmp_path / "run.h5"
-    event = orbits.Event(crossing, name="crossing")
+    event = Event(crossing, name="crossing")
     with pytest.raises(OwnError, match="beyond the table") as caught:
         orbits.propagate(SYSTEM, duration=40.0, samples=11, events=event, archive=path)
     assert "the function of 'crossing'" in caught.value.__notes__[0]
@@ -98,7 +99,7 @@ def test_a_run_whose_event_function_raises_keeps_its_samples_and_cannot_be_resum
 
 @pytest.mark.parametrize("function", [lambda t, q, v: q[:, 1, 0], x_of_ship], ids=["lambda", "named"])
 def test_a_run_that_an_own_event_stopped_can_be_pickled_and_copied(function: Any) -> None:
-    run = orbits.propagate(SYSTEM, duration=10.0, events=orbits.Event(function, name="noon", then="stop"))
+    run = orbits.propagate(SYSTEM, duration=10.0, events=Event(function, name="noon", then="stop"))
     for again in (pickle.loads(pickle.dumps(run)), copy.deepcopy(run), copy.copy(run)):
         assert np.array_equal(again.q, run.q)
         assert again.events.time == run.events.time
@@ -114,15 +115,15 @@ def test_a_run_that_an_own_event_stopped_can_be_pickled_and_copied(function: Any
 
 
 def test_events_that_act_can_be_pickled() -> None:
-    event = pickle.loads(pickle.dumps(orbits.Pericentre("ship", then=lambda t, system: None)))
+    event = pickle.loads(pickle.dumps(Pericentre("ship", then=lambda t, system: None)))
     with pytest.raises(InputError, match=r"<lambda> is not in the pickle"):
         orbits.propagate(SYSTEM, duration=20.0, events=event)
-    assert pickle.loads(pickle.dumps(orbits.Pericentre("ship", then=faster))).then.function is faster
+    assert pickle.loads(pickle.dumps(Pericentre("ship", then=faster))).then.function is faster
 
 
 def test_a_resumed_run_refuses_a_function_of_other_code_and_takes_the_same_code_made_again(tmp_path: Path) -> None:
-    def event(by: float) -> orbits.Pericentre:
-        return orbits.Pericentre("ship", then=lambda t, system: system.replaced(v=system.v.value * [[1.0], [by]]))
+    def event(by: float) -> Pericentre:
+        return Pericentre("ship", then=lambda t, system: system.replaced(v=system.v.value * [[1.0], [by]]))
 
     path = tmp_path / "run.h5"
     orbits.propagate(SYSTEM, duration=20.0, samples=21, events=event(1.02), archive=path).close()
@@ -135,8 +136,8 @@ def test_a_resumed_run_refuses_a_function_of_other_code_and_takes_the_same_code_
 
 
 def test_the_function_of_an_event_and_its_bodies_are_compared_too(tmp_path: Path) -> None:
-    def noon(name: str, bodies: Any = ()) -> orbits.Event:
-        return orbits.Event(lambda t, q, v: q[:, 1, 0 if name == "x" else 1], name="noon", bodies=bodies)
+    def noon(name: str, bodies: Any = ()) -> Event:
+        return Event(lambda t, q, v: q[:, 1, 0 if name == "x" else 1], name="noon", bodies=bodies)
 
     path = tmp_path / "run.h5"
     orbits.propagate(SYSTEM, duration=20.0, events=noon("x"), archive=path).close()

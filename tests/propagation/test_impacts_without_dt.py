@@ -11,7 +11,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits import Bounce, Collision, Merge
+from orbits.events import Bounce, Collision, Merge
 
 from ..encounters import apophis_2029
 
@@ -200,7 +200,7 @@ def test_all_collisions_within_one_step_of_the_bodies_are_recorded_and_change_no
 
 
 def test_an_impact_can_stop_the_run_within_a_step() -> None:
-    with pytest.warns(orbits.RetiredWarning, match="near"):  # its collision is not sought
+    with pytest.warns(orbits.errors.RetiredWarning, match="near"):  # its collision is not sought
         run = propagate(falling(), 6.0, samples=61, events=Collision("far", then="stop"))
     assert run.stopped is not None
     assert run.stopped.time.value == pytest.approx(fall(2.0, 0.015), rel=4e-15)
@@ -211,7 +211,7 @@ def test_an_impact_can_stop_the_run_within_a_step() -> None:
 
 
 def test_a_fall_whose_collision_is_not_sought_ends_where_no_step_is_short_enough() -> None:
-    with pytest.warns(orbits.RetiredWarning, match="near"):
+    with pytest.warns(orbits.errors.RetiredWarning, match="near"):
         run = propagate(falling(), 6.0, samples=61, events=Collision("far", then=Merge()))
     assert [one.reason for one in run.retired] == ["no step is short enough to go on", HIT]
     assert run.retired["near"].time.value == pytest.approx(fall(0.8, 0.0), rel=1e-8)

@@ -81,7 +81,7 @@ def test_a_heartbeat_has_no_energy_where_none_is_kept_and_counts_bodies_that_mer
         "b": {"a": 1.1, "e": 0.1, "gm": 2e-6, "radius": 0.05, "l": 1.0, "pomega": 3.0},
     }
     system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
-    lines, _ = lines_of(system, duration=20.0, events=orbits.Collision(then=orbits.Merge()))
+    lines, _ = lines_of(system, duration=20.0, events=orbits.events.Collision(then=orbits.events.Merge()))
     assert "3 of 3 massive bodies" in lines[0]
     assert lines[-1].endswith("2 of 3 massive bodies")
     assert float(re.findall(r"dE/E (\S+),", lines[-1])[0]) < 1e-12  # what the merger took is not an error
@@ -106,7 +106,7 @@ def test_a_list_of_systems_has_one_line_for_all(giants: orbits.System) -> None:
 @pytest.mark.parametrize("bad", [0, -1.0, "soon", 3 * u.m, float("nan"), [1]])
 def test_what_is_no_wall_time_is_refused_by_name(giants: orbits.System, bad: Any) -> None:
     for name in ("heartbeat", "wall_time"):
-        with pytest.raises(orbits.InputError, match=name):
+        with pytest.raises(orbits.errors.InputError, match=name):
             orbits.propagate(giants, duration="1 yr", **{name: bad})
 
 
@@ -134,31 +134,31 @@ def test_a_run_that_its_wall_time_ends_again_and_again_gets_the_bits_of_one_that
     looks[0], path = 2, tmp_path / "run.h5"
     run = orbits.propagate(belt, archive=path, wall_time="2 h", **options)
     assert not run.complete
-    assert run.stopped.condition == orbits.WallTimeOver(7200.0)
+    assert run.stopped.condition == orbits.events.WallTimeOver(7200.0)
     assert run.stopped.reason.startswith("the wall time of 2 h is over at t = ")
     looks[0] = 1
     part = orbits.resume(path, wall_time=60)
     assert not part.complete
-    assert part.reached > run.reached
+    assert part._reached > run._reached
     part.close()
     again = orbits.resume(path, wall_time=1e6) if looks.__setitem__(0, 10**9) is None else None
     assert again.complete
     assert np.array_equal(again.q, straight.q)
     assert np.array_equal(again.v, straight.v)
     assert again.stopped is None
-    if again.kept is not None:
-        assert np.array_equal(again.kept.times, straight.kept.times)
+    if again._kept is not None:
+        assert np.array_equal(again._kept.times, straight._kept.times)
 
 
 def test_the_systems_of_a_list_keep_one_limit(giants: orbits.System, looks: list[int]) -> None:
     looks[0] = 3
     runs = orbits.propagate([giants] * 6, "wisdom-holman", dt="100 d", duration="1e5 yr", wall_time=60)
     assert not any(run.complete for run in runs)
-    assert all(isinstance(run.stopped.condition, orbits.WallTimeOver) for run in runs)
+    assert all(isinstance(run.stopped.condition, orbits.events.WallTimeOver) for run in runs)
 
 
 def test_error_bars_are_refused_beside_a_limit(giants: orbits.System) -> None:
-    with pytest.raises(orbits.InputError, match=r"call run.error_estimate\(\) when the run is complete"):
+    with pytest.raises(orbits.errors.InputError, match=r"call run.error_estimate\(\) when the run is complete"):
         orbits.propagate(giants, duration="1 yr", wall_time=60, error_estimate=True)
 
 

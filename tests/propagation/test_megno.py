@@ -34,7 +34,7 @@ def two_planets(a, e, gm):
     for axis in a:
         sim.add(m=gm, a=axis, e=e)
     sim.move_to_com()
-    return sim, orbits.from_rebound(sim)
+    return sim, orbits.rebound.from_rebound(sim)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def chaotic():
         (orbits.StormerVerlet(), "P/50"),
         *((orbits.WisdomHolman(*kind), "P/20") for kind in MAPS),
         (orbits.WisdomHolman(coordinates="democratic-heliocentric"), "P/50"),
-        (orbits.SABA(), "P/10"),
+        (orbits.methods.SABA(), "P/10"),
     ],
     ids=["adaptive", "gauss", "stormer-verlet", "modified-kick", "lazy", "standard", "heliocentric", "SABA"],
 )
@@ -247,11 +247,11 @@ def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
     """Beside 3:1 and at its border, with relativity and oblateness of the star too; and one that meets the planet."""
     system = a_star_and_a_planet().add("calm", primary="S", a=0.4, e=0.05)
     system = system.add("wild", primary="S", a=0.86, e=0.05, M=2.0)
-    oblate = orbits.ZonalHarmonics("S", J2=1e-3, radius=0.1, pole=(0, 0, 1))
-    terms = orbits.PostNewtonian(sources=["S"], c=100.0), oblate
+    oblate = orbits.terms.ZonalHarmonics("S", J2=1e-3, radius=0.1, pole=(0, 0, 1))
+    terms = orbits.terms.PostNewtonian(sources=["S"], c=100.0), oblate
     heliocentric = orbits.WisdomHolman(coordinates="democratic-heliocentric")
     for one, method in (
-        (system, orbits.SABA()),
+        (system, orbits.methods.SABA()),
         (system, heliocentric),
         (system.with_terms(*terms), orbits.WisdomHolman()),
     ):
@@ -264,7 +264,7 @@ def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
         assert 0.0 < m["wild"].passage.value < 300 * YEAR
     with pytest.warns(RetiredWarning, match="retires it, and has no MEGNO"):
         m = orbits.megno(
-            system, orbits.SABA(encounters="retire"), dt=0.05, duration=300 * YEAR, samples=31, check_step=False
+            system, orbits.methods.SABA(encounters="retire"), dt=0.05, duration=300 * YEAR, samples=31, check_step=False
         )
     after = m.t >= m["wild"].passage
     assert np.isnan(m["wild"].megno[after]).all()

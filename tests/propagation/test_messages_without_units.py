@@ -16,7 +16,7 @@ STATES: dict[str, Any] = {
     "v": [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
     "units": orbits.DIMENSIONLESS,
 }
-PAIR = orbits.System.from_states(**STATES)
+PAIR = orbits.System(**STATES)
 TOUCHING = PAIR.replaced(radii=[0.9, 0.2])
 
 GAP = re.compile(r" [,.;:)](?!\.)|\(\s|  | in$|\s$")
@@ -28,17 +28,17 @@ WRONG: dict[str, Callable[[], Any]] = {
     "an end without meaning": lambda: orbits.propagate(PAIR, until="soon"),
     "a step without meaning": lambda: orbits.propagate(PAIR, duration=2.0, dt="short"),
     "an endless run": lambda: orbits.propagate(PAIR, duration=1e17),
-    "radii that overlap": lambda: orbits.propagate(TOUCHING, duration=2.0, events=orbits.Collision()),
+    "radii that overlap": lambda: orbits.propagate(TOUCHING, duration=2.0, events=orbits.events.Collision()),
     "a condition that holds": lambda: orbits.propagate(
-        PAIR, duration=2.0, stop=orbits.CloserThan(3.0, "star", "planet")
+        PAIR, duration=2.0, stop=orbits.events.CloserThan(3.0, "star", "planet")
     ),
-    "a negative softening": lambda: orbits.System.from_states(**STATES, softening=-1.0),
-    "two softenings": lambda: orbits.System.from_states(**STATES, softening=[1.0, 2.0]),
-    "a negative mass": lambda: orbits.System.from_states(**{**STATES, "gm": [1.0, -1.0]}),
-    "a position that is not finite": lambda: orbits.System.from_states(
+    "a negative softening": lambda: orbits.System(**STATES, softening=-1.0),
+    "two softenings": lambda: orbits.System(**STATES, softening=[1.0, 2.0]),
+    "a negative mass": lambda: orbits.System(**{**STATES, "gm": [1.0, -1.0]}),
+    "a position that is not finite": lambda: orbits.System(
         **{**STATES, "q": [[0.0, 0.0, 0.0], [float("nan"), 0.0, 0.0]]}
     ),
-    "bodies at one place": lambda: orbits.System.from_states(**{**STATES, "q": [[0.0, 0.0, 0.0]] * 2}),
+    "bodies at one place": lambda: orbits.System(**{**STATES, "q": [[0.0, 0.0, 0.0]] * 2}),
     "no mass": lambda: orbits.System.from_elements({"star": {"gm": 0.0}}, units=orbits.DIMENSIONLESS),
 }
 
@@ -61,7 +61,7 @@ def test_a_unit_is_shown_if_there_is_one() -> None:
 
 
 def test_an_event_and_an_approach_name_their_figures_where_no_unit_does() -> None:
-    run = orbits.propagate(PAIR, duration=8.0, events=orbits.CloseApproach("star", "planet"))
+    run = orbits.propagate(PAIR, duration=8.0, events=orbits.events.CloseApproach("star", "planet"))
     assert re.search(r"close approach of star and planet, distance [0-9.]+, speed [0-9.]+$", str(run.events[0]))
     nearest = str(run.closest_approaches()["planet"][0])
     assert re.search(r"planet to star: [0-9.]+ at t = [0-9.]+, speed [0-9.]+$", nearest)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits import InputError, UnknownNameError
+from orbits.errors import InputError, UnknownNameError
 
 PAIR = orbits.System.from_elements({"star": {"gm": 1}, "planet": {"a": 1, "gm": 1e-3}}, units=orbits.DIMENSIONLESS)
 
@@ -20,9 +20,9 @@ PAIR = orbits.System.from_elements({"star": {"gm": 1}, "planet": {"a": 1, "gm": 
         ("Gauss(stages=2)", orbits.Gauss(stages=2)),
         ("StormerVerlet", orbits.StormerVerlet()),
         ("stormer_verlet", orbits.StormerVerlet()),
-        ("symplectic-euler(variant='Drift-Kick')", orbits.SymplecticEuler(variant="drift-kick")),
+        ("symplectic-euler(variant='Drift-Kick')", orbits.methods.SymplecticEuler(variant="drift-kick")),
         ("composition(StormerVerlet(), order=6, scheme='Yoshida')",
-         orbits.Composition(orbits.StormerVerlet(), order=6, scheme="yoshida")),
+         orbits.methods.Composition(orbits.StormerVerlet(), order=6, scheme="yoshida")),
     ],
 )  # fmt: skip
 def test_a_method_may_be_given_by_its_name(name, method):
@@ -58,7 +58,7 @@ def test_names_of_methods_are_understood_by_all_that_takes_one():
         ("additional_forces", "forces other than Newtonian gravity belong to the system: system.with_terms("),
         ("tmax", "the end of a run is duration=..., or until=..."),
         ("Nout", "the samples to keep are samples=..., a count or times"),
-        ("exit_max_distance", "stop=orbits.FartherThan(distance) ends a run"),
+        ("exit_max_distance", "stop=orbits.events.FartherThan(distance) ends a run"),
         ("epsilon", "dt=orbits.Adaptive(tolerance=...) is the tolerance of steps that are chosen"),
         ("sampels", "expected some of system, integrator, dt, duration, until, samples, archive"),
         ("sampels", "Did you mean samples?"),

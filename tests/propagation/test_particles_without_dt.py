@@ -10,12 +10,14 @@ from astropy import units as u
 
 import orbits
 from orbits import kepler_flow
-from orbits.errors import IntegrationError
+from orbits.errors import IntegrationError, RetiredWarning
+from orbits.events import CloserThan
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
 from orbits.marching.legs.leg import Leg
 from orbits.propagation.marchers import bound
 from orbits.regression import peers
+from orbits.terms import ZonalHarmonics
 
 from ..encounters import APOPHIS_MISS, apophis_2029, comet
 from ..problems import belt, three_bodies
@@ -193,7 +195,7 @@ def falling():
 
 def test_a_particle_that_hits_a_point_is_retired_where_and_when_it_does(tmp_path):
     start, path = falling(), tmp_path / "run.h5"
-    with pytest.warns(orbits.RetiredWarning, match=r"adaptive steps.*2 massless(?s:.*)near: t = 0.79(?s:.*)soft"):
+    with pytest.warns(RetiredWarning, match=r"adaptive steps.*2 massless(?s:.*)near: t = 0.79(?s:.*)soft"):
         run = propagate(start, 6.0, samples=61, archive=path)
     assert run.retired.names == ("near", "far")
     for one, height in zip(run.retired, (0.8, 2.0), strict=True):
@@ -212,7 +214,7 @@ def test_a_particle_that_hits_a_point_is_retired_where_and_when_it_does(tmp_path
         assert opened.retired.to_records() == run.retired.to_records()
 
 
-@pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 def test_a_run_resumed_after_a_retirement_has_its_bits(tmp_path):
     start, path, seen = falling(), tmp_path / "run.h5", []
     whole = propagate(start, 6.0, samples=25)
@@ -255,11 +257,11 @@ def test_pericentres_within_a_step_of_the_bodies_are_found():
 
 def test_conditions_hold_for_passages_within_a_step():
     start = apophis_2029()
-    near = propagate(start, 150 * u.day, stop=orbits.CloserThan(39_000 * u.km, "Apophis", "Earth"))
+    near = propagate(start, 150 * u.day, stop=CloserThan(39_000 * u.km, "Apophis", "Earth"))
     assert near.stopped is not None
     body, earth = (near.stopped.system[name].q for name in ("Apophis", "Earth"))
     assert np.linalg.norm((body - earth).to_value(u.km)) == pytest.approx(39_000, abs=1e-4)  # of 1e-15 au in each
-    far = propagate(start, 150 * u.day, stop=orbits.CloserThan(38_000 * u.km, "Apophis", "Earth"))
+    far = propagate(start, 150 * u.day, stop=CloserThan(38_000 * u.km, "Apophis", "Earth"))
     assert far.stopped is None
 
 
@@ -294,7 +296,7 @@ def test_fewer_stages_reach_round_off_too(stages):
 def test_terms_of_positions_act_on_particles_too():
     bodies = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
     flattened = bodies.add("stone", primary="Sun", a=0.3 * u.au, e=0.5).with_terms(
-        orbits.ZonalHarmonics("Sun", J2=1e-3, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
+        ZonalHarmonics("Sun", J2=1e-3, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
     )
     run = propagate(flattened, 400 * u.day, samples=2)
     fixed = orbits.propagate(flattened, "gauss", dt=0.25 * u.day, duration=400 * u.day, samples=2, progress=False)

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from astropy import units as u
 from astropy.time import Time
+from orbits.propagation.results.approach import said
 
 import orbits
+from orbits.errors import StepWarning
+from orbits.events import FartherThan
 from orbits.marching.watching import passage_list
 from orbits.marching.watching.passage_list import UNKNOWN
+from orbits.methods import RungeKutta4
 from orbits.propagation.marchers import bound
-from orbits.propagation.results.approach import said
 from tests.encounters import APOPHIS_MISS, apophis_2029, comet
 
 from ..problems import belt
@@ -201,7 +204,7 @@ def test_the_list_survives_archives_resumption_and_copies(apophis, tmp_path):
     whole = orbits.propagate(apophis, GAUSS, dt=0.1, duration=200.0, samples=5, check_step=False)
     archive = {"archive": tmp_path / "run.h5", "samples": 3, "check_step": False}
     orbits.propagate(apophis, GAUSS, dt=0.1, duration=100.0, **archive)
-    with pytest.warns(orbits.StepWarning, match="Apophis to Earth"):
+    with pytest.warns(StepWarning, match="Apophis to Earth"):
         run = orbits.resume(tmp_path / "run.h5", until=200.0)
     for other in (run, orbits.Trajectory.open(tmp_path / "run.h5")):
         table, expected = other.closest_approaches().to_table(), whole.closest_approaches().to_table()
@@ -241,7 +244,7 @@ def test_of_more_passages_than_there_is_room_for_the_fastest_are_kept_and_the_ot
     assert np.array_equal(parts.home.listing.passages.passages, listed)
 
 
-@pytest.mark.parametrize("method", [VERLET, orbits.Gauss(stages=2), orbits.RungeKutta4()], ids=lambda m: m.label)
+@pytest.mark.parametrize("method", [VERLET, orbits.Gauss(stages=2), RungeKutta4()], ids=lambda m: m.label)
 def test_a_comet_that_the_fastest_planet_hides_before_the_run_is_told_after_it(method):
     """A low order has large errors at a perihelion of hundreds of steps; the check before the run sees only Mercury."""
     planets = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Mercury", "Jupiter"])
@@ -280,7 +283,7 @@ def test_pericentres_that_spoil_a_run_together_are_told_though_none_does_by_itse
 
 
 def test_a_softened_fall_is_judged_by_its_softened_speed_and_ends():
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["a", "b"],
         gm=[1, 0],
         q=[[0, 0, 0], [1, 0, 0]],
@@ -320,8 +323,8 @@ def test_the_list_does_not_depend_on_threads_even_when_a_block_holds_more_than_f
 
 
 def test_the_error_of_a_run_that_was_stopped_is_the_same_from_its_archive(tmp_path):
-    stop = orbits.FartherThan(4 * u.au, "comet", "Sun")
-    with pytest.warns(orbits.StepWarning):
+    stop = FartherThan(4 * u.au, "comet", "Sun")
+    with pytest.warns(StepWarning):
         run = orbits.propagate(
             comet(0.1, 0.99), GAUSS, dt=6.0, duration=2000.0, samples=2, stop=stop, archive=tmp_path / "run.h5"
         )
@@ -332,8 +335,8 @@ def test_the_error_of_a_run_that_was_stopped_is_the_same_from_its_archive(tmp_pa
 
 def test_a_warning_that_is_an_error_does_not_lose_the_run():
     with warnings.catch_warnings():
-        warnings.filterwarnings("error", message=".*did not resolve", category=orbits.StepWarning)
-        warnings.filterwarnings("ignore", message=".*too long", category=orbits.StepWarning)
-        with pytest.raises(orbits.StepWarning, match="did not resolve") as caught:
+        warnings.filterwarnings("error", message=".*did not resolve", category=StepWarning)
+        warnings.filterwarnings("ignore", message=".*too long", category=StepWarning)
+        with pytest.raises(StepWarning, match="did not resolve") as caught:
             orbits.propagate(comet(0.1, 0.99), GAUSS, dt=6.0, duration=600.0, samples=7)
     assert len(caught.value.trajectory) == 7

@@ -25,7 +25,7 @@ def moved(start, distance):
     return far, start.replaced(q=far.q.value - distance * PLACE)
 
 
-@pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 @pytest.mark.parametrize("distance", [1e6, 1e8, 1e10])
 @pytest.mark.parametrize("masses", ["pair", "planets"])
 def test_the_steps_of_bodies_far_from_the_origin_are_those_near_it(masses, distance):

@@ -17,7 +17,7 @@ class Terminal(io.StringIO):
 
 
 def run():
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["a", "b"], [1.0, 0.0], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]], units=orbits.DIMENSIONLESS
     )
     return orbits.propagate(system, orbits.StormerVerlet(), dt=1e-3, duration=50.0, samples=11, progress=True)

@@ -136,12 +136,12 @@ def test_terms_and_forces_without_a_flow_in_the_map_are_refused_with_the_methods
 
     def dragged(body):
         pole = (286.13, 63.87) * u.deg
-        return system.with_terms(orbits.FrameDragging(body, spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
+        return system.with_terms(orbits.terms.FrameDragging(body, spin=1.9e41 * u.kg * u.m**2 / u.s, pole=pole))
 
-    slowed = system.with_forces(orbits.Drag(rate=1e-6 / u.yr, bodies=["Mars"]))
+    slowed = system.with_forces(orbits.terms.Drag(rate=1e-6 / u.yr, bodies=["Mars"]))
     for bodies, method, text in (
         (dragged("Jupiter"), MAP, r"dominant body alone, 'Sun'; got FrameDragging of 'Jupiter'\. Leave it out, or"),
-        (dragged("Sun"), orbits.SABA(), r"'newtonian \+ frame dragging' is not\. Use Gauss.*WisdomHolman"),
+        (dragged("Sun"), orbits.methods.SABA(), r"'newtonian \+ frame dragging' is not\. Use Gauss.*WisdomHolman"),
         (dragged("Sun"), heliocentric, r"no terms besides Newton's gravity, got frame dragging; in Jacobi .*Gauss"),
         (slowed, MAP, r"cannot march bodies with the force of drag\. Use Gauss"),
     ):
@@ -203,7 +203,7 @@ def beside_jupiter(*distances):
     [
         (MAP, 'Use encounters="follow", or'),
         (orbits.WisdomHolman(**HELIOCENTRIC), 'Use encounters="follow", or'),
-        (orbits.SABA(), r'Use WisdomHolman\(encounters="follow"\), or'),
+        (orbits.methods.SABA(), r'Use WisdomHolman\(encounters="follow"\), or'),
     ],
 )
 def test_particles_that_start_beside_a_planet_are_told_before_the_start_or_refused(method, remedy):
@@ -223,15 +223,15 @@ def test_particles_that_start_beside_a_planet_are_told_before_the_start_or_refus
 
 @pytest.mark.parametrize("flat", [True, False])
 def test_with_terms_of_any_kind_they_are_sent_to_steps_of_their_own(flat):
-    oblate = orbits.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
-    term = oblate if flat else orbits.PostNewtonian(sources=["Sun"])
+    oblate = orbits.terms.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
+    term = oblate if flat else orbits.terms.PostNewtonian(sources=["Sun"])
     with pytest.raises(InputError, match=r'm0 is 0\.0009 AU from Jupiter\.\nUse encounters="follow", or Gauss'):
         orbits.propagate(
             beside_jupiter(0.001).with_terms(term), MAP, dt="50 d", duration="1 yr", check_step="refuse", **OPTIONS
         )
 
 
-@pytest.mark.parametrize("method", [orbits.WisdomHolman, orbits.SABA])
+@pytest.mark.parametrize("method", [orbits.WisdomHolman, orbits.methods.SABA])
 def test_particles_that_start_beside_a_planet_are_retired_before_the_first_step(method, tmp_path):
     """By their places at the start, in archives and runs that go on as well; the one that is far from all goes on."""
     start, options = beside_jupiter(0.001, 0.9), {"dt": "50 d", "samples": 3, "progress": False}

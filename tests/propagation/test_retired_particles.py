@@ -25,7 +25,7 @@ FALLERS = {"near": 0.8, "far": 2.0}
 ASIDE = 1e-6
 """Their velocity, sideways: they pass the star at 1e-12 of its distance, which no step resolves."""
 
-pytestmark = pytest.mark.filterwarnings("ignore::orbits.OrbitsWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 
 
 def system(fallers=FALLERS, orbiting=18):
@@ -54,7 +54,7 @@ def run_of(start, method=GAUSS, **options):
 @pytest.fixture(scope="module")
 def run():
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", orbits.OrbitsWarning)
+        warnings.simplefilter("ignore", orbits.errors.OrbitsWarning)
         return run_of(system())
 
 
@@ -79,7 +79,7 @@ def test_a_run_lists_who_was_retired_when_where_and_why(run):
     assert "2 retired" in repr(run)
     assert "near" in run._repr_html_()
     assert list(run.retired.to_table()["body"]) == ["near", "far"]
-    with pytest.raises(orbits.UnknownNameError):
+    with pytest.raises(orbits.errors.UnknownNameError):
         run.retired["p0"]
 
 
@@ -182,17 +182,17 @@ def test_states_between_samples_follow_the_same_rule(run, dense):
 def test_nan_of_others_is_no_state(run):
     q = run.q.value.copy()
     q[-1, run.names.index("p3")] = np.nan
-    spoilt = run.with_samples(run.times, q, run.v.value)
-    with pytest.raises(orbits.InputError, match="p3"):
+    spoilt = run._with_samples(run.times, q, run.v.value)
+    with pytest.raises(orbits.errors.InputError, match="p3"):
         spoilt[-1]
 
 
 def test_a_warning_says_who_is_lost_and_an_error_keeps_the_run():
-    with pytest.warns(orbits.RetiredWarning, match=r"2 massless particles(?s:.*)near: t = (?s:.*)smaller dt"):
+    with pytest.warns(orbits.errors.RetiredWarning, match=r"2 massless particles(?s:.*)near: t = (?s:.*)smaller dt"):
         run_of(system())
     with warnings.catch_warnings():
-        warnings.simplefilter("error", orbits.RetiredWarning)
-        with pytest.raises(orbits.RetiredWarning) as caught:
+        warnings.simplefilter("error", orbits.errors.RetiredWarning)
+        with pytest.raises(orbits.errors.RetiredWarning) as caught:
             run_of(system())
     assert caught.value.trajectory.complete
     assert len(caught.value.trajectory.retired) == 2
@@ -279,7 +279,7 @@ def test_archives_of_earlier_versions_open_and_go_on_to_the_same_bits(run, tmp_p
 @pytest.mark.parametrize("method", [GAUSS, VERLET], ids=str)
 def test_who_is_retired_meets_no_condition(method):
     start = system({"hit": 1e-150})
-    far = run_of(start, method, stop=orbits.FartherThan(20.0))  # others stay within 14 of one another
+    far = run_of(start, method, stop=orbits.events.FartherThan(20.0))  # others stay within 14 of one another
     assert far.complete
     assert far.stopped is None
     assert far.retired.names == ("hit",)
@@ -291,8 +291,8 @@ def test_a_condition_in_the_same_block_still_ends_the_run(run):
     gap = np.linalg.norm(run["p0"].q.value - run["planet"].q.value, axis=1)
     k = int(np.argmax(run.times > near.time.value)) + 1
     assert gap[k] > gap[0]
-    some = run_of(system(), stop=orbits.FartherThan(gap[k], "p0", "planet"), samples=2)
-    alone = run_of(system({}), stop=orbits.FartherThan(gap[k], "p0", "planet"), samples=2)
+    some = run_of(system(), stop=orbits.events.FartherThan(gap[k], "p0", "planet"), samples=2)
+    alone = run_of(system({}), stop=orbits.events.FartherThan(gap[k], "p0", "planet"), samples=2)
     assert some.stopped.time == alone.stopped.time
     assert some.retired.names == ("near",)
     assert "near" not in some.stopped.system
@@ -351,7 +351,7 @@ def test_an_spk_file_has_the_others_and_who_is_retired_is_refused(tmp_path):
     )
     some = orbits.propagate(start, GAUSS, dt=40 * u.day, duration=10 * u.yr, samples=11, check_step=False)
     ids = {"falls": 2999998, "stays": 2999999}
-    with pytest.raises(orbits.InputError, match="'falls' was retired"):
+    with pytest.raises(orbits.errors.InputError, match="'falls' was retired"):
         some.to_spk(tmp_path / "all.bsp", ids=ids)
     rest = some.to_spk(tmp_path / "others.bsp", ids=ids, bodies=["Sun", "Jupiter", "stays"], tolerance_km=1.0)
     assert set(rest.ids) == {"Sun", "Jupiter", "stays"}
@@ -377,7 +377,7 @@ def test_the_part_of_a_step_at_the_end_is_looked_at_for_the_others_too():
 
 @pytest.mark.parametrize("bodies", [["near"], ["near", "p3"], None], ids=str)
 def test_a_force_on_the_retired_goes_with_them(bodies):
-    start = system().with_forces(orbits.Drag(rate=1e-6, bodies=bodies))
+    start = system().with_forces(orbits.terms.Drag(rate=1e-6, bodies=bodies))
     rest = moved(start, start.values.q, start.values.v, 0.0, np.isin(start.names, ["near"]))
     assert "near" not in rest
     assert len(rest.forces) == (bodies != ["near"])
@@ -396,7 +396,7 @@ def test_a_particle_lost_in_a_step_that_the_run_does_not_take_whole_is_retired(o
     v = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]
     start = orbits.System(["star", "b", "far"], gm=[1, 0, 0], q=q, v=v, units=orbits.DIMENSIONLESS)
     options = {"duration": 3.5, "samples": 15, "check_step": False, "progress": False, **options}
-    with pytest.warns(orbits.RetiredWarning, match="b: t = "):
+    with pytest.warns(orbits.errors.RetiredWarning, match="b: t = "):
         run = orbits.propagate(start, archive=tmp_path / "run.h5", **options)
     assert np.isnan(run.q.value[-1, 1]).all()
     assert run.retired["b"].time.value == pytest.approx(time, abs=1e-6)
@@ -405,7 +405,7 @@ def test_a_particle_lost_in_a_step_that_the_run_does_not_take_whole_is_retired(o
     assert [one.name for one in stored.retired] == [one.name for one in run.retired]
     if "dt" not in options:
         assert len(run.retired) == 1
-        with pytest.warns(orbits.RetiredWarning):
+        with pytest.warns(orbits.errors.RetiredWarning):
             whole = orbits.propagate(start, **{**options, "duration": 14.0, "samples": 57})
         longer = orbits.resume(tmp_path / "run.h5", until=14.0, progress=False)
         assert np.array_equal(longer.q.value, whole.q.value, equal_nan=True)

@@ -23,7 +23,7 @@ SYSTEM = orbits.System(
     units=orbits.DIMENSIONLESS,
 )
 WITH_PARTICLE = SYSTEM.add("grain", primary="star", a=2.0, e=0.3)
-PERICENTRES = orbits.Pericentre("p", "star")
+PERICENTRES = orbits.events.Pericentre("p", "star")
 
 STEPS = pytest.mark.parametrize("dt", [None, 0.07], ids=["adaptive", "constant"])
 DIRECTION = pytest.mark.parametrize("duration", [40.0, -40.0], ids=["forwards", "backwards"])
@@ -60,14 +60,14 @@ def test_a_run_answers_before_its_first_sample_and_after_its_last_one(dt: float 
 
 @STEPS
 def test_events_of_particles_and_collisions_after_the_last_sample_are_found(dt: float | None) -> None:
-    options: dict[str, Any] = {"dt": dt, "duration": 40.0, "events": orbits.Apocentre("grain", "star")}
+    options: dict[str, Any] = {"dt": dt, "duration": 40.0, "events": orbits.events.Apocentre("grain", "star")}
     run = orbits.propagate(WITH_PARTICLE, samples=[1.0, 2.0], **options)
     times = orbits.propagate(WITH_PARTICLE, samples=[1.0, 2.0, 40.0], **options).events.time
     assert len(run.events) == 2
     assert np.array_equal(run.events.time, times)
     q, v = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 0.1, 0]]
     touching = orbits.System(["a", "b"], [1, 1e-3], q, v, radii=[0.05, 0.05], units=orbits.DIMENSIONLESS)
-    merge = orbits.Collision(then=orbits.Merge())
+    merge = orbits.events.Collision(then=orbits.events.Merge())
     dt = dt and 0.01
     merged = orbits.propagate(touching, dt=dt, duration=3.0, samples=[0.1], events=merge, check_step=False)
     assert merged.events.kind.tolist() == ["merger"]
@@ -89,14 +89,14 @@ def test_an_archive_goes_on_to_the_end_of_the_run_after_an_interruption(
 
     path, body = tmp_path / "run.h5", "grain" if system is WITH_PARTICLE else "p"
     options: dict[str, Any] = {"dt": dt, "duration": 40.0, "samples": [1.0, 2.0]}
-    events = [orbits.Pericentre(body, "star")]
+    events = [orbits.events.Pericentre(body, "star")]
     whole = orbits.propagate(system, events=events, **options)
     with pytest.raises(Interrupted):
         orbits.propagate(system, events=events, archive=path, callback=interrupt, **options)
     half = orbits.Trajectory.open(path)
     assert len(half) == 2
     assert not half.complete
-    assert half.reached < 40.0
+    assert half._reached < 40.0
     half.close()
     resumed = orbits.resume(path)
     assert resumed.complete
@@ -107,7 +107,7 @@ def test_an_archive_goes_on_to_the_end_of_the_run_after_an_interruption(
     resumed.close()
     again = orbits.resume(path)  # nothing is left to do
     assert again.statistics is None
-    assert again.reached == 40.0
+    assert again._reached == 40.0
     assert np.array_equal(again.events.time, whole.events.time)
 
 
@@ -132,9 +132,9 @@ def test_an_archive_that_ends_after_its_last_sample_is_extended_from_its_end(dt:
 def test_the_time_of_an_event_that_stops_a_run_can_be_asked_for(
     dt: float | None, dense: bool, samples: Any, tmp_path: Path
 ) -> None:
-    stop = orbits.Pericentre("p", "star", then="stop")
+    stop = orbits.events.Pericentre("p", "star", then="stop")
     path = tmp_path / "run.h5"
-    events = [stop, orbits.Apocentre("p", "star")]
+    events = [stop, orbits.events.Apocentre("p", "star")]
     run = orbits.propagate(SYSTEM, dt=dt, duration=40.0, samples=samples, events=events, archive=path, dense=dense)
     copies = run, copy.deepcopy(run), pickle.loads(pickle.dumps(run)), orbits.Trajectory.open(path)
     for each in copies:
@@ -151,7 +151,7 @@ def test_the_time_of_an_event_that_stops_a_run_can_be_asked_for(
 
 def test_why_a_run_stopped_is_in_its_archive_until_it_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
-    orbits.propagate(SYSTEM, duration=40.0, archive=path, stop=orbits.FartherThan(1.2, "p", "star")).close()
+    orbits.propagate(SYSTEM, duration=40.0, archive=path, stop=orbits.events.FartherThan(1.2, "p", "star")).close()
     with orbits.Archive.open(path) as archive:
         assert archive.ended.how == "stopped"
     stopped = orbits.Trajectory.open(path).stopped
@@ -172,7 +172,7 @@ def test_a_failed_run_answers_up_to_the_step_that_failed() -> None:
         return np.where(t < 25.0, q[:, 1, 1], np.nan)
 
     with pytest.raises(EventError) as caught:
-        orbits.propagate(SYSTEM, dt=0.07, duration=40.0, samples=[1.0], events=orbits.Event(crossing))
+        orbits.propagate(SYSTEM, dt=0.07, duration=40.0, samples=[1.0], events=orbits.events.Event(crossing))
     run = caught.value.trajectory
     assert len(run.events)
     assert run.at(run.events.time).q.shape == (len(run.events), 3, 3)

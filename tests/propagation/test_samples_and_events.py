@@ -35,7 +35,7 @@ def test_an_event_that_ends_a_run_is_at_the_same_bits_with_any_samples(name):
     for samples in (2, 37, 101, 977):
         run = orbits.propagate(
             planets(name != "transformed time"), method, dt=dt, duration=sign * 500 * u.day, samples=samples,
-            events=[orbits.Pericentre("a", then="stop"), orbits.Apocentre("a")],
+            events=[orbits.events.Pericentre("a", then="stop"), orbits.events.Apocentre("a")],
         )  # fmt: skip
         assert run.stopped is not None
         at = run.stopped.system.values

@@ -5,6 +5,7 @@ import pytest
 from astropy import units as u
 
 import orbits
+from orbits.terms import Damping, GasDrag, MassLoss, NonGravitational, RadiationPressure
 
 METHOD = orbits.Gauss(stages=4)
 A, E, INCLINATION = 1.0, 0.3, 0.02
@@ -51,7 +52,7 @@ SLOW = 1e-7
 
 def test_light_makes_dust_spiral_inwards_as_wyatt_and_whipple_say():
     beta, c = 1e-6, 10.0
-    da, de, _ = rates(orbits.RadiationPressure(beta=beta, c=c))
+    da, de, _ = rates(RadiationPressure(beta=beta, c=c))
     # Of second order is the change of a and e over 20 orbits, 3e-5 of them.
     assert da == pytest.approx(-beta * (2 + 3 * E**2) / (c * A * (1 - E**2) ** 1.5), rel=1e-4)
     assert de == pytest.approx(-2.5 * beta * E / (c * A**2 * np.sqrt(1 - E**2)), rel=1e-4)
@@ -59,7 +60,7 @@ def test_light_makes_dust_spiral_inwards_as_wyatt_and_whipple_say():
 
 @pytest.mark.parametrize("gm", [0.0, 1e-3], ids=["particle", "body"])
 def test_the_yarkovsky_effect_drifts_as_its_formula_says(gm):
-    da, _, _ = rates(orbits.NonGravitational.yarkovsky(SLOW, r0=1.0), gm=gm)
+    da, _, _ = rates(NonGravitational.yarkovsky(SLOW, r0=1.0), gm=gm)
     # A body moves the star along, which is what the forces are relative to.
     n = np.sqrt(1.0 + gm)
     assert da == pytest.approx(2 * SLOW / (n * A**2 * (1 - E**2)), rel=2e-5)
@@ -74,8 +75,8 @@ def test_damping_takes_a_e_and_i_at_their_rates():
             0.0,
         ),
     }.items():
-        assert np.allclose(rates(orbits.Damping(**{name: 1 / SLOW})), expected, rtol=2e-5, atol=1e-5 * SLOW)
-    _, _, di = rates(orbits.Damping(tau_i=1 / SLOW), e=0.0)
+        assert np.allclose(rates(Damping(**{name: 1 / SLOW})), expected, rtol=2e-5, atol=1e-5 * SLOW)
+    _, _, di = rates(Damping(tau_i=1 / SLOW), e=0.0)
     assert di == pytest.approx(-SLOW * INCLINATION, rel=INCLINATION**2)
 
 
@@ -83,7 +84,7 @@ def test_gas_that_turns_slower_takes_a_circular_orbit_inwards():
     eta = 1e-2
     run = orbits.propagate(
         star(e=0.0).with_forces(
-            orbits.GasDrag(
+            GasDrag(
                 per_length=1e-5, r0=2.0, slope=1.5, eta=eta, pole=(0, -np.sin(INCLINATION), np.cos(INCLINATION))
             )
         ),
@@ -103,7 +104,7 @@ def test_gas_that_turns_slower_takes_a_circular_orbit_inwards():
 @pytest.mark.parametrize("gm", [0.0, 1e-6], ids=["particle", "body"])
 def test_an_orbit_widens_as_its_star_loses_mass_and_keeps_its_eccentricity(gm):
     run = orbits.propagate(
-        star(gm).with_forces(orbits.MassLoss(fraction=-SLOW)),
+        star(gm).with_forces(MassLoss(fraction=-SLOW)),
         METHOD,
         dt=0.1,
         duration=40 * np.pi,
@@ -121,7 +122,7 @@ def test_an_orbit_widens_as_its_star_loses_mass_and_keeps_its_eccentricity(gm):
 
 
 def test_mass_loss_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_taken_up_again():
-    system = star().with_forces(orbits.MassLoss(fraction=-0.01, since=-1.0))
+    system = star().with_forces(MassLoss(fraction=-0.01, since=-1.0))
     options = {"dt": 0.1, "progress": False, "check_step": False}
     whole = orbits.propagate(system, METHOD, duration=4.0, samples=3, **options)
     assert whole[1].forces[0].since.value == -3.0
@@ -130,11 +131,11 @@ def test_mass_loss_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_ta
 
 
 ACTING = (
-    orbits.RadiationPressure(beta=(0.01, 0.02), bodies=["body", "grain"], c=100.0),
-    orbits.NonGravitational(A1=1e-3, A2=(1e-3,), bodies=["grain"], r0=1.0),
-    orbits.Damping(tau_a=1e3, tau_e=(1e2, 1e3), bodies=["body", "grain"]),
-    orbits.GasDrag(per_length=1e-3, r0=1.0, slope=2.0, eta=0.01),
-    orbits.MassLoss(fraction=-1e-3),
+    RadiationPressure(beta=(0.01, 0.02), bodies=["body", "grain"], c=100.0),
+    NonGravitational(A1=1e-3, A2=(1e-3,), bodies=["grain"], r0=1.0),
+    Damping(tau_a=1e3, tau_e=(1e2, 1e3), bodies=["body", "grain"]),
+    GasDrag(per_length=1e-3, r0=1.0, slope=2.0, eta=0.01),
+    MassLoss(fraction=-1e-3),
 )
 
 
@@ -162,8 +163,8 @@ def test_radiation_pressure_of_one_per_cent_is_felt_in_physical_units():
     grain = orbits.System.solar_system(bodies=["Sun", "Jupiter"]).add(
         "grain", gm=0 * u.au**3 / u.day**2, q=[1, 0, 0] * u.au, v=[0, 29.78, 0] * u.km / u.s
     )
-    force = orbits.RadiationPressure(beta=orbits.RadiationPressure.beta_of_sphere(20 * u.um, 2500 * u.kg / u.m**3))
-    acting = grain.with_forces(force, orbits.NonGravitational(A1=1e-9 * u.au / u.day**2, bodies=["grain"]))
+    force = RadiationPressure(beta=RadiationPressure.beta_of_sphere(20 * u.um, 2500 * u.kg / u.m**3))
+    acting = grain.with_forces(force, NonGravitational(A1=1e-9 * u.au / u.day**2, bodies=["grain"]))
     assert acting.forces[0].c.to_value(u.km / u.s) == pytest.approx(299792.458)
     run = orbits.propagate(acting, METHOD, dt=1 * u.day, duration=100 * u.day, progress=False)
     bare = orbits.propagate(grain, METHOD, dt=1 * u.day, duration=100 * u.day, progress=False)

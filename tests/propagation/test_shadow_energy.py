@@ -14,7 +14,7 @@ CASES = [
     (LAGRANGIANS.kepler, orbits.StormerVerlet(), 0.05),
     (LAGRANGIANS.kepler, orbits.Gauss(stages=1), 0.05),
     (LAGRANGIANS.charged_particle, orbits.Gauss(stages=1), 0.05),
-    (LAGRANGIANS.pendulum_on_a_sphere, orbits.Rattle(), 0.1),
+    (LAGRANGIANS.pendulum_on_a_sphere, orbits.methods.Rattle(), 0.1),
 ]
 
 
@@ -39,12 +39,12 @@ def test_its_fluctuation_falls_with_the_order_asked_for_where_that_of_the_energy
 
 
 def test_a_method_of_order_four_has_one_of_order_ten():
-    measured, _ = orders(LAGRANGIANS.kepler, orbits.Composition(order=4), 0.1, (8, 10))
+    measured, _ = orders(LAGRANGIANS.kepler, orbits.methods.Composition(order=4), 0.1, (8, 10))
     assert np.all(np.abs(measured[1:] - [8, 10]) < 0.8), measured  # 7.9, 9.3
 
 
 def test_a_method_that_is_not_symmetric_has_one_of_the_middle_of_the_steps_after_each_sample():
-    measured, last = orders(LAGRANGIANS.kepler, orbits.SymplecticEuler(), 0.05, (4, 6))
+    measured, last = orders(LAGRANGIANS.kepler, orbits.methods.SymplecticEuler(), 0.05, (4, 6))
     # Of its order 1 and an even number of steps more: 1, 5 - 1 and 7 - 1 at least.
     assert abs(measured[0] - 1) < 0.1
     assert measured[1] > 4.8  # 4.98
@@ -100,7 +100,7 @@ def test_a_run_with_few_samples_between_its_steps_shows_it_too():
 
 
 def test_it_includes_the_terms_of_the_lagrangian():
-    system = three_planets().with_terms(orbits.PostNewtonian("Sun"))
+    system = three_planets().with_terms(orbits.terms.PostNewtonian("Sun"))
     run = orbits.propagate(system, orbits.Gauss(stages=1), dt=100, duration=8000, samples=5, check_step=False)
     assert relative_range(orbits.shadow_energy(run, order=8)) < 1e-3 * relative_range(run.energy())
 
@@ -120,7 +120,7 @@ def test_runs_without_such_an_energy_are_refused_with_the_reason():
     march, kepler = orbits.march, LAGRANGIANS.kepler
     short = {"duration": 400, "samples": 3, "check_step": False}
     cases = [
-        (lambda: march(kepler, orbits.RungeKutta4(), dt=0.1, steps=2), {}, "is not symplectic"),
+        (lambda: march(kepler, orbits.methods.RungeKutta4(), dt=0.1, steps=2), {}, "is not symplectic"),
         (lambda: march(kepler, orbits.StormerVerlet(), dt=0.1, steps=2), {"order": 7}, "even number from 4 to 14"),
         (lambda: march(kepler, orbits.StormerVerlet(), dt=0.1, steps=2), {"order": 2}, "even number from 4 to 14"),
         (lambda: march(LAGRANGIANS.driven_pendulum, orbits.Gauss(), dt=0.1, steps=2), {}, "depends on time"),
@@ -135,12 +135,12 @@ def test_runs_without_such_an_energy_are_refused_with_the_reason():
         ),
         (
             lambda: orbits.propagate(
-                three_planets().with_forces(orbits.Drag(rate=1e-7)), orbits.Gauss(stages=2), dt=50, **short
+                three_planets().with_forces(orbits.terms.Drag(rate=1e-7)), orbits.Gauss(stages=2), dt=50, **short
             ),
             {},
             "the force of Drag has no Lagrangian",
         ),
     ]
     for make, options, message in cases:
-        with pytest.raises(orbits.InputError, match=message):
+        with pytest.raises(orbits.errors.InputError, match=message):
             orbits.shadow_energy(make(), **options)

@@ -49,7 +49,7 @@ def test_a_loop_that_goes_on_after_failed_runs_ends_with_ctrl_c():
     finally:
         signal.signal(signal.SIGINT, before)
     assert len(begun) == 1
-    assert isinstance(caught.value, orbits.Interrupted)
+    assert isinstance(caught.value, orbits.errors.Interrupted)
     assert not isinstance(caught.value, Exception)
     assert len(caught.value.trajectory) == 1
     again = pickle.loads(pickle.dumps(caught.value))

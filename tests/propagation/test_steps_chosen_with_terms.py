@@ -37,9 +37,9 @@ def swayed(**more):
 
 def lit(start, *lighted, source="planet", beta=BETA):
     """A system with relativity, a flattening and light on some bodies."""
-    flat = orbits.ZonalHarmonics(source, J2=J2, radius=R, pole=(0.0, 0.0, 1.0))
-    light = orbits.RadiationPressure(bodies=list(lighted), beta=beta, source=source, c=C)
-    return start.with_terms(orbits.PostNewtonian(sources=[source], c=C), flat).with_forces(light)
+    flat = orbits.terms.ZonalHarmonics(source, J2=J2, radius=R, pole=(0.0, 0.0, 1.0))
+    light = orbits.terms.RadiationPressure(bodies=list(lighted), beta=beta, source=source, c=C)
+    return start.with_terms(orbits.terms.PostNewtonian(sources=[source], c=C), flat).with_forces(light)
 
 
 def eccentric(mass, beta=BETA, e=0.99):
@@ -65,9 +65,9 @@ def test_an_orbit_of_e_099_with_relativity_flattening_and_light_comes_out_to_rou
 def test_mercury_with_relativity_goes_as_with_a_short_dt():
     """A year; both methods leave round-off."""
     start = orbits.System.solar_system("2020-01-01", bodies=["Sun", "Mercury", "Venus", "Jupiter"])
-    flat = orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
-    light = orbits.RadiationPressure(bodies=["Venus"], beta=1e-9, source="Sun")
-    start = start.with_terms(orbits.PostNewtonian(sources=["Sun"]), flat).with_forces(light)
+    flat = orbits.terms.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
+    light = orbits.terms.RadiationPressure(bodies=["Venus"], beta=1e-9, source="Sun")
+    start = start.with_terms(orbits.terms.PostNewtonian(sources=["Sun"]), flat).with_forces(light)
     chosen = propagate(start, 1 * u.yr, samples=5)
     fixed = propagate(start, 1 * u.yr, samples=5, dt=0.5 * u.day, integrator=orbits.Gauss(stages=8))
     off = np.abs((chosen.q - fixed.q).to_value(u.m))[-1]
@@ -162,7 +162,7 @@ def test_states_between_samples_are_those_of_the_motion(dense):
 
 def test_events_are_found_on_the_motion_of_bodies_and_particles():
     start = swayed(**GRAINS)
-    events = [orbits.Pericentre("inner", "planet"), orbits.Pericentre("grain", "planet")]
+    events = [orbits.events.Pericentre("inner", "planet"), orbits.events.Pericentre("grain", "planet")]
     run = propagate(start, 8.0, samples=5, events=events)
     assert len(run.events) > 4
     for event in run.events:
@@ -178,7 +178,7 @@ def test_after_a_merger_terms_see_the_time_of_the_run(particles):
     meeting = {"one": (1e-3, [2.0, 2.0, 0.0], [0.1, 0.3, 0.0]), "two": (1e-3, [2.0, 2.6, 0.0], [0.1, -0.1, 0.0])}
     bare = swayed(**meeting, **particles)
     radii = [0.0 if name not in meeting else 0.05 for name in bare.names]
-    start, events = bare.replaced(radii=radii), orbits.Collision(then=orbits.Merge())
+    start, events = bare.replaced(radii=radii), orbits.events.Collision(then=orbits.events.Merge())
     options = {"events": events, "samples": [4.0]}
     chosen = propagate(start, 4.0, **options)
     fixed = propagate(start, 4.0, dt=1 / 128, integrator=orbits.Gauss(stages=8), **options)
@@ -212,7 +212,7 @@ def test_the_message_of_a_step_that_cannot_be_taken_names_terms_and_forces():
     ]
     assert "adds as much as m v to the momenta there, which needs orbits.march" in said[0]
     assert "a force jumps there" in said[1]
-    assert said[2].endswith("events=orbits.Collision(...).")
+    assert said[2].endswith("events=orbits.events.Collision(...).")
 
 
 def test_transformed_time_is_still_for_attractions_alone():
@@ -230,9 +230,9 @@ def test_where_terms_and_forces_are_nothing_encounters_come_out_as_without_them(
     start = system([3, 4, 5], [[1, 3, 0], [-2, -1, 0], [1, -1, 0]], np.zeros((3, 3)))
     name, pole, least = start.names[0], (0.0, 0.0, 1.0), 1e-100
     nothing = (
-        orbits.FrameDragging(name, spin=least, pole=pole, c=3.0),
-        orbits.ZonalHarmonics(name, J2=least, radius=1e-3, pole=pole),
+        orbits.terms.FrameDragging(name, spin=least, pole=pole, c=3.0),
+        orbits.terms.ZonalHarmonics(name, J2=least, radius=1e-3, pole=pole),
         Swaying(A=(0.0, 0.0, 0.0), C=(0.0, 0.0, 0.0)),
     )
-    run = propagate(start.with_terms(*nothing).with_forces(orbits.Drag(rate=least)), 63.0, samples=2)
+    run = propagate(start.with_terms(*nothing).with_forces(orbits.terms.Drag(rate=least)), 63.0, samples=2)
     assert np.abs(run.q.value[-1] - BURRAU).max() < 1e-5

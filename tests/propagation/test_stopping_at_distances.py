@@ -6,12 +6,15 @@ import pytest
 from astropy import units as u
 
 import orbits
+from orbits.errors import InputError
+from orbits.events import Apocentre, CloserThan, Collision, FartherThan, Merge, Pericentre
+from orbits.methods import Composition
 
 FREE = {"samples": 2, "progress": False, "check_step": False}
 METHODS = {
     "adaptive": {},
     "gauss": {"integrator": "gauss", "dt": 0.21},
-    "kicks": {"integrator": orbits.Composition(order=8), "dt": 0.05},
+    "kicks": {"integrator": Composition(order=8), "dt": 0.05},
     "map": {"integrator": "wisdom-holman", "dt": 0.21},
     "map that is left": {"integrator": orbits.WisdomHolman(planets="follow"), "dt": 0.21},
 }
@@ -46,7 +49,7 @@ def crossing(phase, nearest):
 def test_a_limit_far_below_a_step_is_not_missed(dt, given):
     rng = np.random.default_rng(3)
     limit = 1e-5
-    condition = orbits.CloserThan(limit, "a", "b", then="stop" if given == "events" else "record")
+    condition = CloserThan(limit, "a", "b", then="stop" if given == "events" else "record")
     for phase, share in rng.uniform([0, 0.05], [1, 0.9], (24, 2)):
         start = crossing(phase, share * limit)
         run = orbits.propagate(start, "gauss", dt=dt, duration=4.5, **{given: condition}, **FREE)
@@ -55,22 +58,22 @@ def test_a_limit_far_below_a_step_is_not_missed(dt, given):
         assert apart(run.stopped.system, "a", "b") == pytest.approx(limit, rel=1e-10)
 
 
-@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("kind", [orbits.CloserThan, orbits.FartherThan])
+@pytest.mark.parametrize("kind", [CloserThan, FartherThan])
 @pytest.mark.parametrize("method", METHODS)
 def test_every_march_ends_at_the_bound_and_goes_on_as_if_it_had_not(method, kind, sign, tmp_path):
     options = {"duration": sign * 12.0, **FREE, **METHODS[method], "samples": 60}
     system, path = belt(), tmp_path / "run.h5"
     plain = orbits.propagate(system, **options)
-    name = {orbits.CloserThan: "p3", orbits.FartherThan: "p2"}[kind]
+    name = {CloserThan: "p3", FartherThan: "p2"}[kind]
     distances = np.linalg.norm((plain[name].q - plain["star"].q).value, axis=1)
     bound = 0.5 * (distances.min() + distances.max())
     stop = kind(bound, name, "star")
     run = orbits.propagate(system, archive=path, stop=stop, **options)
     assert run.stopped.condition is stop
     assert apart(run.stopped.system, name, "star") == pytest.approx(bound, rel=1e-13)  # some roundings
-    passed = distances < bound if kind is orbits.CloserThan else distances > bound
+    passed = distances < bound if kind is CloserThan else distances > bound
     assert len(run) == np.argmax(passed)  # no sample after it, none before it left out
     assert np.array_equal(run.q, plain.q[: len(run)])
     assert abs(run.events.time[-1].value) == abs(run.stopped.time.value)
@@ -87,7 +90,7 @@ def test_any_body_means_massless_ones_too(method):
     dense = orbits.propagate(system, **{**options, "samples": 1201})
     least = np.linalg.norm((dense.q[:, 3:] - dense.q[:, :1]).value, axis=2)
     bound = 0.5 * (least[0].min() + least.min())
-    run = orbits.propagate(system, stop=orbits.CloserThan(bound, other="star"), **options)
+    run = orbits.propagate(system, stop=CloserThan(bound, other="star"), **options)
     first = np.argmax((least < bound).any(axis=1))
     body = f"p{np.argmin(least[first])}"
     assert run.stopped.reason.startswith(f"{body} and star: closer than")
@@ -97,7 +100,7 @@ def test_any_body_means_massless_ones_too(method):
 
 def test_a_pair_that_is_there_already_ends_a_run_when_it_gets_there_again():
     system = belt()
-    run = orbits.propagate(system, duration=30.0, stop=orbits.CloserThan(1.2, "p0"), **FREE)
+    run = orbits.propagate(system, duration=30.0, stop=CloserThan(1.2, "p0"), **FREE)
     path = orbits.propagate(system, duration=run.stopped.time, **{**FREE, "samples": 500})
     distances = np.linalg.norm((path["p0"].q - path["star"].q).value, axis=1)
     assert distances[0] < 1.1
@@ -106,12 +109,12 @@ def test_a_pair_that_is_there_already_ends_a_run_when_it_gets_there_again():
 
 def test_two_massless_bodies_end_a_run_as_well():
     system = belt()
-    run = orbits.propagate(system, duration=12.0, stop=orbits.FartherThan(1.9, "p0", "p9"), **FREE)
+    run = orbits.propagate(system, duration=12.0, stop=FartherThan(1.9, "p0", "p9"), **FREE)
     assert apart(run.stopped.system, "p0", "p9") == pytest.approx(1.9, rel=1e-10)
 
 
 def test_an_interrupted_run_keeps_its_conditions(tmp_path):
-    path, stop = tmp_path / "run.h5", orbits.FartherThan(1.15, "p2", "star")
+    path, stop = tmp_path / "run.h5", FartherThan(1.15, "p2", "star")
     whole = orbits.propagate(belt(), duration=12.0, stop=stop, **FREE)
     options = {"duration": 12.0, "progress": False, "samples": 100}
     cut = orbits.propagate(belt(), archive=path, stop=stop, callback=lambda t, state: t.value > 0.1, **options)
@@ -124,9 +127,9 @@ def test_an_interrupted_run_keeps_its_conditions(tmp_path):
 
 def test_what_is_recorded_beside_comes_in_order_and_ends_with_the_run():
     system, bound = belt(), 1.15
-    beside = [orbits.Pericentre("a"), orbits.Apocentre("p2"), orbits.FartherThan(0.98 * bound, "p2", "star")]
-    every = orbits.propagate(system, duration=12.0, events=[*beside, orbits.FartherThan(bound, "p2", "star")], **FREE)
-    run = orbits.propagate(system, duration=12.0, events=beside, stop=orbits.FartherThan(bound, "p2", "star"), **FREE)
+    beside = [Pericentre("a"), Apocentre("p2"), FartherThan(0.98 * bound, "p2", "star")]
+    every = orbits.propagate(system, duration=12.0, events=[*beside, FartherThan(bound, "p2", "star")], **FREE)
+    run = orbits.propagate(system, duration=12.0, events=beside, stop=FartherThan(bound, "p2", "star"), **FREE)
     last = run.stopped.time
     assert run.events.kind.tolist() == every.events.kind[every.events.time <= last + 1e-9 * u.one].tolist()
     assert run.events.time[-1] == last
@@ -137,7 +140,7 @@ def test_a_passage_in_a_single_step_of_a_massless_body_with_steps_of_its_own_is_
     system = orbits.System(["star", "far", "p"], [1.0, 1e-4, 0.0], q, v, units=orbits.DIMENSIONLESS)
     swept, inverse = 2.7e-3, 2.0 / 0.3 - 2.7**2
     nearest = swept**2 / (1.0 + np.sqrt(1.0 - swept**2 * inverse))
-    run = orbits.propagate(system, duration=1.0, stop=orbits.CloserThan(1.5 * nearest), **FREE)
+    run = orbits.propagate(system, duration=1.0, stop=CloserThan(1.5 * nearest), **FREE)
     assert apart(run.stopped.system, "p", "star") == pytest.approx(1.5 * nearest, rel=1e-12)
 
 
@@ -146,14 +149,14 @@ CIRCLE = orbits.System(
 )
 
 
-@pytest.mark.parametrize("kind", [orbits.CloserThan, orbits.FartherThan])
+@pytest.mark.parametrize("kind", [CloserThan, FartherThan])
 @pytest.mark.parametrize(("method", "dt"), [("gauss", 1 / 16), ("gauss", None), ("wisdom-holman", 1 / 16)])
 def test_rounding_ends_no_run(method, dt, kind):
     """A circle of the radius of the bound is at it all the time; by rounding alone it passes it again and again."""
     assert orbits.propagate(CIRCLE, method, dt=dt, duration=12.0, stop=kind(1.0, "S", "A"), **FREE).complete
 
 
-@pytest.mark.parametrize(("kind", "least", "speed"), [(orbits.CloserThan, 0.6, 0.7), (orbits.FartherThan, 1.05, 1.1)])
+@pytest.mark.parametrize(("kind", "least", "speed"), [(CloserThan, 0.6, 0.7), (FartherThan, 1.05, 1.1)])
 def test_a_run_from_where_another_stopped_goes_on_to_the_next_time(kind, least, speed):
     """The distance there is that of the bound but for rounding, on either side."""
     system = CIRCLE.replaced(v=[[0, 0, 0], [0.3, speed, 0.2]])
@@ -166,9 +169,9 @@ def test_a_run_from_where_another_stopped_goes_on_to_the_next_time(kind, least, 
 
 def test_what_a_run_with_changes_does_not_find_is_refused():
     system = CIRCLE.replaced(gm=[1.0, 1e-9], radii=[0.1, 0.0])
-    far = orbits.FartherThan(3.0, "S", "A")
-    with pytest.raises(orbits.InputError, match=r"stop=FartherThan\(\.\.\.\) looks at bodies that stay the same"):
-        orbits.propagate(system, duration=1.0, events=orbits.Collision(then=orbits.Merge()), stop=far, **FREE)
-    backwards = [orbits.Collision(then=orbits.Merge()), orbits.FartherThan(3.0, "S", "A", then="stop")]
-    with pytest.raises(orbits.InputError, match="in a run backwards in time"):
+    far = FartherThan(3.0, "S", "A")
+    with pytest.raises(InputError, match=r"stop=FartherThan\(\.\.\.\) looks at bodies that stay the same"):
+        orbits.propagate(system, duration=1.0, events=Collision(then=Merge()), stop=far, **FREE)
+    backwards = [Collision(then=Merge()), FartherThan(3.0, "S", "A", then="stop")]
+    with pytest.raises(InputError, match="in a run backwards in time"):
         orbits.propagate(system, duration=-1.0, events=backwards, **FREE)

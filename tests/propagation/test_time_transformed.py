@@ -195,7 +195,7 @@ def test_close_approaches_and_conditions_are_found_to_the_precision_of_the_orbit
     approach = run.closest_approaches()["b0"][0]
     assert approach.distance.value == pytest.approx(2 * a - 2, rel=1e-12)
     assert approach.time.value == pytest.approx(np.pi * np.sqrt(a**3 / 2), rel=1e-14)
-    stopped = propagate(start, 6.0, stop=orbits.CloserThan(0.5, "b0", "b1")).stopped
+    stopped = propagate(start, 6.0, stop=orbits.events.CloserThan(0.5, "b0", "b1")).stopped
     met = stopped.system.q.value
     assert np.linalg.norm(met[0] - met[1]) == pytest.approx(0.5, rel=1e-12)
     assert stopped.time.value < np.pi * np.sqrt(a**3 / 2)
@@ -203,8 +203,8 @@ def test_close_approaches_and_conditions_are_found_to_the_precision_of_the_orbit
 
 def test_conditions_are_looked_at_up_to_the_end_of_the_run():
     """The last step of the march leads beyond the end: what is met before it is told all the same."""
-    whole = propagate(falling(0.3), 6.0, stop=orbits.CloserThan(1.0, "b0", "b1")).stopped
-    stop = orbits.CloserThan(1.0, "b0", "b1")
+    whole = propagate(falling(0.3), 6.0, stop=orbits.events.CloserThan(1.0, "b0", "b1")).stopped
+    stop = orbits.events.CloserThan(1.0, "b0", "b1")
     for duration in np.linspace(float(whole.time.value) * (1 + 1e-9), 3.0, 5):
         assert propagate(falling(0.3), duration, stop=stop).stopped is not None
     assert propagate(falling(0.3), 1.0, stop=stop).stopped is None
@@ -230,7 +230,7 @@ def test_a_softened_collision_is_passed_through():
 def test_every_variational_runge_kutta_method_keeps_its_order():
     """The error of the samples falls with the order of the method, their times included."""
     start, end = pair(0.6), 5.0
-    for method in (orbits.LobattoIIIAB(stages=3), orbits.Gauss(stages=2), orbits.VPRK()):
+    for method in (orbits.methods.LobattoIIIAB(stages=3), orbits.Gauss(stages=2), orbits.methods.VPRK()):
         off = []
         for step in (0.1, 0.05):
             run = propagate(start, end, orbits.TimeTransformed(step=step), integrator=method, samples=[end])
@@ -253,7 +253,7 @@ def test_what_cannot_be_marched_in_transformed_time_is_refused_with_the_remedy(t
     with pytest.raises(InputError, match=r"this system has 1\. Leave dt out"):
         propagate(system([1.0], [[0, 0, 0]], [[0, 0, 0]]), 1.0)
     with pytest.raises(InputError, match=r"not with the force of drag.*Give dt=\.\.\. a length"):
-        propagate(start.with_forces(orbits.Drag(rate=1e-3)), 1.0)
+        propagate(start.with_forces(orbits.terms.Drag(rate=1e-3)), 1.0)
     with pytest.raises(InputError, match=r"StormerVerlet\(\) cannot march in transformed time.*Gauss\(stages=8\)"):
         propagate(start, 1.0, integrator="stormer-verlet")
     with pytest.raises(InputError, match=r"Gauss\(stages=12\) cannot march in transformed time"):

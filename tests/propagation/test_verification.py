@@ -72,9 +72,9 @@ def test_a_good_archive_is_computed_again_to_the_last_bit(
 
 
 def test_runs_that_merge_or_were_stopped_are_computed_again(colliding: orbits.System, tmp_path: Path) -> None:
-    merge = orbits.Collision(then=orbits.Merge())
+    merge = orbits.events.Collision(then=orbits.events.Merge())
     orbits.propagate(colliding, duration=20.0, events=merge, archive=tmp_path / "merged.h5").close()
-    stop = orbits.CloserThan(0.5, "a", "b")
+    stop = orbits.events.CloserThan(0.5, "a", "b")
     orbits.propagate(colliding, "wisdom-holman", dt=0.1, duration=20.0, stop=stop, archive=tmp_path / "s.h5").close()
     for name in ("merged.h5", "s.h5"):
         checked = orbits.verify(tmp_path / name, recompute="all")
@@ -180,9 +180,9 @@ def test_other_bits_on_another_machine_are_told_but_no_damage(belt, tmp_path, of
 
 
 def test_what_is_no_archive_or_not_there_is_said(tmp_path: Path) -> None:
-    with pytest.raises(orbits.ArchiveError, match="is not there"):
+    with pytest.raises(orbits.errors.ArchiveError, match="is not there"):
         orbits.verify(tmp_path / "none.h5")
-    with pytest.raises(orbits.InputError, match="expected 'all', 'last' or 'none'"):
+    with pytest.raises(orbits.errors.InputError, match="expected 'all', 'last' or 'none'"):
         orbits.verify(tmp_path / "none.h5", recompute="some")
     (tmp_path / "text.h5").write_text("no archive")
     checked = orbits.verify(tmp_path / "text.h5")
@@ -194,7 +194,7 @@ def test_a_run_with_functions_in_its_events_is_computed_again_if_they_are_given(
     def far(t: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         return t - 5.5
 
-    event, path = orbits.Event(far), tmp_path / "run.h5"
+    event, path = orbits.events.Event(far), tmp_path / "run.h5"
     orbits.propagate(colliding, dt=0.1, integrator="stormer-verlet", duration=9.0, events=event, archive=path).close()
     without = orbits.verify(path)
     assert without.ok

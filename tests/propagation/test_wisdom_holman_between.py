@@ -24,7 +24,7 @@ def solar():
 def test_events_are_those_of_the_states_that_samples_there_would_be(method, solar):
     """States without the corrector, as observers see them, would be 1e-9 off here, and their pericentres 1e-10."""
     options = {"duration": 700 * u.day, **OPTIONS}
-    found = orbits.propagate(solar, method, events=orbits.Pericentre("Mercury"), **options).events
+    found = orbits.propagate(solar, method, events=orbits.events.Pericentre("Mercury"), **options).events
     assert len(found) == 8
     there = orbits.propagate(solar, method, samples=found.time, **options)
     mercury, sun = (solar.names.index(name) for name in ("Mercury", "Sun"))
@@ -52,11 +52,11 @@ def test_after_an_event_that_changes_a_velocity_a_run_goes_on_from_the_state_tha
     def push(t, system):
         faster, (mercury, sun) = system.values.v.copy(), (system.names.index(name) for name in ("Mercury", "Sun"))
         faster[mercury] += 1e-3 * (faster[mercury] - faster[sun])
-        return orbits.System.from_states(
+        return orbits.System(
             system.names, system.values.gm, system.values.q, faster, units=system.units, epoch=system.epoch
         )
 
-    event = orbits.NodeCrossing("Mercury", direction=1, then=push)
+    event = orbits.events.NodeCrossing("Mercury", direction=1, then=push)
     options = {"duration": 200 * u.day, "samples": 9, "events": event, **OPTIONS}
     run = orbits.propagate(solar, DEFAULT, **options)
     expected = orbits.propagate(solar, "gauss", **options)
@@ -67,7 +67,7 @@ def test_after_an_event_that_changes_a_velocity_a_run_goes_on_from_the_state_tha
 
 def test_collisions_are_refused_in_words(solar):
     with pytest.raises(InputError, match=r"WisdomHolman.* cannot follow bodies that come close .* Gauss"):
-        orbits.propagate(solar, DEFAULT, duration=100 * u.day, events=orbits.Collision(), **OPTIONS)
+        orbits.propagate(solar, DEFAULT, duration=100 * u.day, events=orbits.events.Collision(), **OPTIONS)
 
 
 def test_error_bars_contain_what_rounding_leaves_of_a_corrected_map(solar):

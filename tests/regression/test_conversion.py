@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits.errors import EpochError, InputError, OrbitsWarning
+from orbits.rebound import from_rebound, to_rebound
+from orbits.terms import MinorBodies
 
 NAMES = ["probe", "Sun", "Jupiter", "a grain"]
 GM = [0.0, 2.9591220828411956e-4, 2.8253458252257923e-7, 0.0]
@@ -30,12 +32,12 @@ def test_there_and_back_is_the_identity_when_massive_bodies_come_first():
     system = orbits.System(
         [NAMES[i] for i in order], *([x[i] for i in order] for x in (GM, Q, V)), epoch="J2000", radii=[1e-2, 1e-3, 0, 0]
     )
-    sim = orbits.to_rebound(system)
-    assert orbits.from_rebound(sim, units=orbits.SOLAR, epoch="J2000") == system
+    sim = to_rebound(system)
+    assert from_rebound(sim, units=orbits.SOLAR, epoch="J2000") == system
 
 
 def test_massive_bodies_go_first_and_massless_ones_become_test_particles():
-    sim = orbits.to_rebound(orbits.System(NAMES, GM, Q, V, softening=0.125))
+    sim = to_rebound(orbits.System(NAMES, GM, Q, V, softening=0.125))
     assert states(sim) == [(NAMES[i], GM[i], *Q[i], *V[i]) for i in (1, 2, 0, 3)]
     assert (sim.G, sim.N_active, sim.testparticle_type, sim.softening, sim.t) == (1.0, 2, 0, 0.125, 0.0)
 
@@ -45,7 +47,7 @@ def test_a_simulation_with_units_keeps_them_and_its_G():
     sim.units = ("AU", "yr", "Msun")
     sim.add(m=1.0, name="star")
     sim.add(m=1e-3, a=1.0)
-    system = orbits.from_rebound(sim)
+    system = from_rebound(sim)
     assert system.names == ("star", "particle 1")
     assert system.units.G == sim.G
     assert system.units.length.to(u.au) == pytest.approx(1.0, rel=1e-15)
@@ -58,9 +60,9 @@ def test_a_simulation_without_units_is_pure_numbers_with_its_G():
     sim = rebound.Simulation()
     sim.add(m=2.0)
     sim.add(m=0.5, x=1.0, vy=1.0)
-    assert orbits.from_rebound(sim).units == orbits.DIMENSIONLESS
+    assert from_rebound(sim).units == orbits.DIMENSIONLESS
     sim.G = 3.0
-    system = orbits.from_rebound(sim)
+    system = from_rebound(sim)
     assert system.units.G == 3.0
     assert system.values.gm.tolist() == [6.0, 1.5]
     assert system.energy().value == pytest.approx(sim.energy(), rel=1e-15)
@@ -80,9 +82,9 @@ def test_an_unsynchronized_simulation_is_read_synchronized_and_left_alone():
     sim = made(safe=0)
     assert not sim.is_synchronized
     before = states(sim)
-    system = orbits.from_rebound(sim)
+    system = from_rebound(sim)
     # The same ten steps, synchronized after each: the same up to the round-off of nine more half-steps.
-    np.testing.assert_allclose(system.values.q, orbits.from_rebound(made(safe=1)).values.q, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(system.values.q, from_rebound(made(safe=1)).values.q, rtol=0, atol=1e-14)
     assert states(sim) == before
     assert not sim.is_synchronized
 
@@ -168,16 +170,16 @@ def without_gravity():
 )
 def test_what_a_system_cannot_be_is_refused_in_words(make, message):
     with pytest.raises(InputError, match=message):
-        orbits.from_rebound(make())
+        from_rebound(make())
 
 
 def test_what_is_no_simulation_is_refused_in_words():
     with pytest.raises(InputError, match="got a int; expected a rebound"):
-        orbits.from_rebound(7)
+        from_rebound(7)
     with pytest.raises(InputError, match="one state only"):
-        orbits.from_rebound(plain(), snapshot=3)
+        from_rebound(plain(), snapshot=3)
     with pytest.raises(InputError, match="got a int; expected a System"):
-        orbits.to_rebound(7)
+        to_rebound(7)
 
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
@@ -203,14 +205,14 @@ def systems(draw):
 @settings(max_examples=50, deadline=None, derandomize=True)
 @given(systems())
 def test_there_and_back_keeps_every_bit_of_any_system(system):
-    back = orbits.from_rebound(orbits.to_rebound(system), epoch=system.epoch)
+    back = from_rebound(to_rebound(system), epoch=system.epoch)
     assert back == system
     for mine, theirs in zip(system.values[:3], back.values[:3], strict=True):
         assert mine.tobytes() == theirs.tobytes()  # the sign of a zero, too
 
 
 def test_a_solar_simulation_names_its_units_with_G_1_to_the_bit():
-    sim = orbits.to_rebound(orbits.System(NAMES, GM, Q, V))
+    sim = to_rebound(orbits.System(NAMES, GM, Q, V))
     assert (sim.G, sim.units) == (1.0, {"length": "au", "time": "d", "mass": "massist"})
     # REBOUND's own unit agrees with DE440's GM of the Sun: a solar mass in it.
     assert rebound.units.masses_SI["msun"] / rebound.units.masses_SI["massist"] == pytest.approx(GM[1], rel=1e-10)
@@ -219,35 +221,35 @@ def test_a_solar_simulation_names_its_units_with_G_1_to_the_bit():
 def test_a_sample_of_a_run_goes_over_with_its_time_and_comes_back_with_its_epoch():
     system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"])
     run = orbits.propagate(system, orbits.Gauss(stages=4), dt=20, duration=200, samples=3)
-    assert orbits.from_rebound(orbits.to_rebound(run), zero=system.epoch) == run[-1]
+    assert from_rebound(to_rebound(run), zero=system.epoch) == run[-1]
     with pytest.raises(InputError, match="sample is 'Sun'"):
-        orbits.to_rebound(run, "Sun")
-    sim = orbits.to_rebound(run, 1)
+        to_rebound(run, "Sun")
+    sim = to_rebound(run, 1)
     assert sim.t == 100.0
-    assert orbits.from_rebound(sim, epoch=run[1].epoch) == orbits.from_rebound(sim, zero="2022-08-09") == run[1]
+    assert from_rebound(sim, epoch=run[1].epoch) == from_rebound(sim, zero="2022-08-09") == run[1]
     with pytest.raises(EpochError, match="both given"):
-        orbits.from_rebound(sim, epoch="2022-08-09", zero="2022-08-09")
+        from_rebound(sim, epoch="2022-08-09", zero="2022-08-09")
     with pytest.raises(EpochError, match="no unit of time"):
-        orbits.from_rebound(plain(), zero="2022-08-09")
+        from_rebound(plain(), zero="2022-08-09")
 
 
 def test_si_units_and_a_gaussian_constant():
     sim = rebound.Simulation()
     sim.units = ("m", "s", "kg")
     sim.add(m=2e30)
-    system = orbits.from_rebound(sim)
+    system = from_rebound(sim)
     assert (system.units.length, system.units.time, system.units.mass) == (u.m, u.s, u.kg)
     assert system.values.gm[0] == sim.G * 2e30
     sim = plain()
     sim.G = 0.01720209895**2
-    assert orbits.from_rebound(sim, units=orbits.SOLAR).gm[0] == 0.01720209895**2 * u.au**3 / u.day**2
+    assert from_rebound(sim, units=orbits.SOLAR).gm[0] == 0.01720209895**2 * u.au**3 / u.day**2
 
 
 def test_a_test_particle_of_type_0_is_massless_and_its_mass_is_told():
     sim = plain()
     sim.N_active = 1
     with pytest.warns(OrbitsWarning, match="planet: test particles with mass, which attract nothing"):
-        system = orbits.from_rebound(sim)
+        system = from_rebound(sim)
     assert system.values.gm.tolist() == [1.0, 0.0]
 
 
@@ -268,7 +270,7 @@ def softened():
 def test_what_is_taken_over_moves_as_in_rebound(make):
     sim = make()
     sim.particles["planet"].m = 0.3
-    system = orbits.from_rebound(sim)
+    system = from_rebound(sim)
     assert system.values.gm.tolist() == [1.0, 0.3]
     sim.integrate(5.0)
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=0.05, duration=5.0, samples=2)
@@ -281,9 +283,9 @@ def test_heavy_test_particles_of_type_1_are_minor_bodies_there_and_back():
     sim = plain()
     sim.add(m=2e-3, x=2.0, vy=0.7, name="other")
     sim.N_active, sim.testparticle_type = 1, 1
-    system = orbits.from_rebound(sim)
-    assert system.terms == (orbits.MinorBodies(bodies=["planet", "other"]),)
-    back = orbits.to_rebound(system)
+    system = from_rebound(sim)
+    assert system.terms == (MinorBodies(bodies=["planet", "other"]),)
+    back = to_rebound(system)
     assert (back.N_active, back.testparticle_type) == (1, 1)
     assert [p.m for p in back.particles] == [p.m for p in sim.particles]
     sim.integrate(5.0)
@@ -297,14 +299,14 @@ def test_massless_test_particles_of_type_1_are_massless():
     sim = plain()
     sim.add(x=2.0)
     sim.N_active, sim.testparticle_type = 2, 1
-    assert orbits.from_rebound(sim).values.gm.tolist() == [1.0, 1e-3, 0.0]
+    assert from_rebound(sim).values.gm.tolist() == [1.0, 1e-3, 0.0]
 
 
 def test_collisions_are_told():
     sim = plain()
     sim.collision = "direct"
     with pytest.warns(OrbitsWarning, match="pass through each other"):
-        orbits.from_rebound(sim)
+        from_rebound(sim)
 
 
 def with_time_and_units(units, G):
@@ -335,26 +337,26 @@ SIMULATIONS = [
 @pytest.mark.parametrize(("units", "G"), SIMULATIONS, ids=str)
 def test_a_simulation_comes_back_with_its_G_its_units_its_masses_and_its_t(units, G):
     sim = with_time_and_units(units, G)
-    system = orbits.from_rebound(sim)
+    system = from_rebound(sim)
     for made in (system, pickle.loads(pickle.dumps(system)), copy.deepcopy(system)):
-        back = orbits.to_rebound(made)
+        back = to_rebound(made)
         assert (back.G, back.t, back.units, back.N_active) == (sim.G, sim.t, sim.units, sim.N_active)
         assert states(back) == states(sim)
         assert [p.r for p in back.particles] == [p.r for p in sim.particles]
     run = orbits.propagate(system, "gauss", dt=0.01, duration=1.0, samples=3)
-    back = orbits.to_rebound(run)
+    back = to_rebound(run)
     assert (back.G, back.units) == (sim.G, sim.units)
     assert back.t == sim.t + 1.0
-    assert orbits.to_rebound(run, 0).t == sim.t
-    assert np.array_equal(orbits.from_rebound(back).values.gm, system.values.gm)
-    assert orbits.from_rebound(back).units == system.units
+    assert to_rebound(run, 0).t == sim.t
+    assert np.array_equal(from_rebound(back).values.gm, system.values.gm)
+    assert from_rebound(back).units == system.units
 
 
 def test_what_is_made_of_a_simulations_system_is_a_system_like_any_other():
-    system = orbits.from_rebound(with_time_and_units(("AU", "yr", "Msun"), None))
+    system = from_rebound(with_time_and_units(("AU", "yr", "Msun"), None))
     moved = system.barycentric()
     assert type(moved) is orbits.System
-    back = orbits.to_rebound(moved)
+    back = to_rebound(moved)
     assert (back.t, back.G) == (0.0, system.units.G)
     assert [back.G * p.m for p in back.particles] == system.values.gm.tolist()
     # A GM that is G times no float is kept all the same, with G = 1.
@@ -362,5 +364,5 @@ def test_what_is_made_of_a_simulations_system_is_a_system_like_any_other():
     odd = orbits.System(
         [f"b{k}" for k in range(40)], others, np.arange(120.0).reshape(40, 3), np.zeros((40, 3)), units=system.units
     )
-    made = orbits.to_rebound(odd)
+    made = to_rebound(odd)
     assert [made.G * p.m for p in made.particles] == others.tolist()

@@ -20,11 +20,11 @@ STEPS = 1000
 
 def method(order, scheme=None):
     verlet = orbits.StormerVerlet()
-    return verlet if order == 2 else orbits.Composition(verlet, order=order, scheme=scheme)
+    return verlet if order == 2 else orbits.methods.Composition(verlet, order=order, scheme=scheme)
 
 
 def worst_energy_error(integrator):
-    system = orbits.from_rebound(rebounds_outer_solar_system())
+    system = orbits.rebound.from_rebound(rebounds_outer_solar_system())
     run = orbits.propagate(system, integrator, dt=1.0, duration=float(STEPS), samples=STEPS + 1)
     energy = np.asarray(run.energy())
     return np.abs(energy / energy[0] - 1.0).max()

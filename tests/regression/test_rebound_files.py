@@ -14,6 +14,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import ArchiveError, InputError, OrbitsError, OrbitsWarning
+from orbits.rebound import from_rebound, run_from_rebound, to_rebound
 
 TIMES = [0.0, 1.0, 2.5, 4.0]
 
@@ -43,25 +44,25 @@ def expected() -> list[orbits.System]:
     sim, states = simulation(), []
     for t in TIMES:
         sim.integrate(t)
-        states.append(orbits.from_rebound(sim))
+        states.append(from_rebound(sim))
     return states
 
 
 def test_the_last_snapshot_of_a_file_is_the_simulation_itself(archive, expected):
     assert expected[-1].names == ("star", "Čert", "particle 2")
-    assert orbits.from_rebound(archive) == expected[-1]
-    assert orbits.from_rebound(str(archive), snapshot=3) == expected[-1]
+    assert from_rebound(archive) == expected[-1]
+    assert from_rebound(str(archive), snapshot=3) == expected[-1]
 
 
 def test_snapshots_are_chosen_by_number_or_time_in_files_and_opened_archives(archive, expected):
     content = archive.read_bytes()  # which REBOUND reads from, and does not keep alive
     in_memory = rebound.Simulationarchive(content)
     for k, t in enumerate(TIMES):
-        assert orbits.from_rebound(in_memory, snapshot=k) == expected[k]
-        assert orbits.from_rebound(in_memory, time=t) == expected[k]
+        assert from_rebound(in_memory, snapshot=k) == expected[k]
+        assert from_rebound(in_memory, time=t) == expected[k]
     opened = rebound.Simulationarchive(str(archive))
-    assert orbits.from_rebound(opened, time=1.0) == orbits.from_rebound(opened, snapshot=-3) == expected[1]
-    assert orbits.from_rebound(archive, time=2.5) == orbits.from_rebound(archive, snapshot=-2) == expected[2]
+    assert from_rebound(opened, time=1.0) == from_rebound(opened, snapshot=-3) == expected[1]
+    assert from_rebound(archive, time=2.5) == from_rebound(archive, snapshot=-2) == expected[2]
 
 
 def test_names_are_those_that_were_saved_though_rebound_takes_one_for_another(tmp_path):
@@ -75,8 +76,8 @@ def test_names_are_those_that_were_saved_though_rebound_takes_one_for_another(tm
         content = saved(sim, tmp_path)
         del sim  # the addresses of its names are free for those of the next
         confused += [p.name for p in rebound.Simulationarchive(content)[0].particles] != names
-        assert orbits.from_rebound(rebound.Simulationarchive(content)).names == tuple(names)
-    assert orbits.from_rebound(tmp_path / "saved.bin").names == tuple(names)
+        assert from_rebound(rebound.Simulationarchive(content)).names == tuple(names)
+    assert from_rebound(tmp_path / "saved.bin").names == tuple(names)
     # REBOUND 5.2.2 confuses most of them; should a release confuse none, `_loaded` can go.
     assert confused or rebound.__version__ != "5.2.2"
 
@@ -96,19 +97,19 @@ def test_names_are_those_that_were_saved_though_rebound_takes_one_for_another(tm
 )
 def test_a_snapshot_that_is_not_there_is_refused_in_words(archive, options, message):
     with pytest.raises(InputError, match=message):
-        orbits.from_rebound(rebound.Simulationarchive(str(archive)), **options)
+        from_rebound(rebound.Simulationarchive(str(archive)), **options)
 
 
 def test_the_epoch_of_a_snapshot_counts_from_that_of_t_0(tmp_path):
     system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"])
-    sim = orbits.to_rebound(system)
+    sim = to_rebound(system)
     sim.integrate(100.0)
     path = tmp_path / "räume und zeit.bin"  # REBOUND itself takes ASCII only
     path.write_bytes(saved(sim, tmp_path))
-    found = orbits.from_rebound(path, zero="2022-08-09")
+    found = from_rebound(path, zero="2022-08-09")
     assert found.units == orbits.SOLAR
     assert abs((found.epoch - system.epoch).to_value("day") - 100.0) < 1e-12
-    assert found == orbits.from_rebound(sim, epoch=found.epoch)
+    assert found == from_rebound(sim, epoch=found.epoch)
 
 
 def saved(sim: rebound.Simulation, folder: Path) -> bytes:
@@ -121,13 +122,13 @@ def test_a_file_saved_with_forces_is_told(tmp_path):
     sim.additional_forces = lambda _: None
     saved(sim, tmp_path)
     with pytest.warns(OrbitsWarning, match="saved with functions of its own"):
-        orbits.from_rebound(tmp_path / "saved.bin")
+        from_rebound(tmp_path / "saved.bin")
 
 
 def test_all_snapshots_are_a_run(archive, expected):
     content = archive.read_bytes()
     for source in (archive, rebound.Simulationarchive(str(archive)), rebound.Simulationarchive(content)):
-        run = orbits.run_from_rebound(source)
+        run = run_from_rebound(source)
         assert [run[k] for k in range(len(run))] == expected
         assert run.times.tolist() == TIMES
         assert repr(run).startswith("Trajectory(3 bodies, 4 samples, t = 0 ... 4; REBOUND ias15)")
@@ -142,11 +143,11 @@ def test_all_snapshots_are_a_run(archive, expected):
 
 
 def test_a_run_keeps_the_epoch_of_t_0_and_goes_backwards(tmp_path):
-    sim = orbits.to_rebound(orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"]))
+    sim = to_rebound(orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"]))
     for t in (-10.0, -20.0):
         sim.integrate(t)
         sim.save_to_file(str(tmp_path / "back.bin"))
-    run = orbits.run_from_rebound(tmp_path / "back.bin", zero="2022-08-09")
+    run = run_from_rebound(tmp_path / "back.bin", zero="2022-08-09")
     assert run.times.tolist() == [0.0, -10.0]
     assert run.epochs.isot.tolist() == ["2022-07-30T00:00:00.000", "2022-07-20T00:00:00.000"]
 
@@ -158,33 +159,33 @@ def test_an_archive_whose_particles_change_is_no_run(archive, tmp_path):
     sim.add(x=5.0)
     sim.save_to_file(str(path))
     with pytest.raises(ArchiveError, match="change between snapshots 0 and 1"):
-        orbits.run_from_rebound(path)
+        run_from_rebound(path)
     sim.remove(3)
     sim.t = 0.5
     sim.save_to_file(str(path))
     with pytest.raises(ArchiveError, match=r"t goes from 1\.0 to 0\.5 between snapshots 1 and 2"):
-        orbits.run_from_rebound(path)
+        run_from_rebound(path)
     with pytest.raises(InputError, match="got a Simulation;"):
-        orbits.run_from_rebound(sim)
+        run_from_rebound(sim)
 
 
 def test_files_that_are_none_of_rebounds_are_refused_in_words(archive, tmp_path):
     path = tmp_path / "file.bin"
     with pytest.raises(ArchiveError, match="No such file"):
-        orbits.from_rebound(path)
+        from_rebound(path)
     with pytest.raises(ArchiveError, match="cannot be read"):
-        orbits.from_rebound(tmp_path)
+        from_rebound(tmp_path)
     whole = archive.read_bytes()
     for content in (b"", b"\x89HDF\r\n", whole[:20]):
         path.write_bytes(content)
         with pytest.raises(ArchiveError, match="no Simulationarchive of REBOUND"):
-            orbits.from_rebound(path)
+            from_rebound(path)
     path.write_bytes(whole.replace(b"Version: 5.", b"Version: 4."))
     with pytest.raises(ArchiveError, match="written by REBOUND 4"):
-        orbits.from_rebound(path)
+        from_rebound(path)
     path.write_bytes(whole[:64])
     with pytest.raises(ArchiveError):
-        orbits.from_rebound(path)
+        from_rebound(path)
 
 
 def damaged(whole: bytes, seed: int) -> bytes:
@@ -202,7 +203,7 @@ def outcome(path: Path) -> str:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", OrbitsWarning)  # a bit may switch collisions on
         try:
-            system = orbits.from_rebound(path)
+            system = from_rebound(path)
         except OrbitsError:
             return "refused"
     assert np.isfinite(system.values.q).all()
@@ -227,7 +228,7 @@ def test_a_file_that_ends_the_process_of_its_reader_is_refused(archive, monkeypa
     script.write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
     monkeypatch.setattr("orbits.regression.snapshot.__file__", str(script))
     with pytest.raises(ArchiveError, match="REBOUND crashed reading it"):
-        orbits.from_rebound(archive)
+        from_rebound(archive)
 
 
 def test_a_file_that_is_never_read_to_its_end_is_refused(archive, monkeypatch, tmp_path):
@@ -236,4 +237,4 @@ def test_a_file_that_is_never_read_to_its_end_is_refused(archive, monkeypatch, t
     monkeypatch.setattr("orbits.regression.snapshot.__file__", str(script))
     monkeypatch.setattr("orbits.regression.snapshot.SECONDS", 0.2)
     with pytest.raises(ArchiveError, match="did not come to an end"):
-        orbits.from_rebound(archive)
+        from_rebound(archive)

@@ -135,7 +135,7 @@ def test_the_exact_solution_is_claimed_only_where_there_is_one(gm, v_last, softe
 def ten_bodies():
     """The ten bodies of the data file, the days of its references, and these as sums of high and low parts."""
     data = json.loads(data_path("solar_system_10body.json").read_text(encoding="utf-8"))
-    system = orbits.System.from_states(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
+    system = orbits.System(data["names"], data["gm_au3_d2"], data["q"], data["v"], units=orbits.SOLAR)
     days = np.array([365.25 * float(year) for year in data["reference_years"]])
     exact = [[[Fraction(x) for x in row[:3]] for row in rows] for rows in data["reference_years"].values()]
     high = np.array(exact, dtype=np.float64)

@@ -96,13 +96,13 @@ def test_what_has_no_ephemeris_is_refused(run, tmp_path):
         orbits.residuals(run, foreign)
     with pytest.raises(InputError, match="expected 'de440', or the path of an SPK kernel"):
         orbits.residuals(run, "ias15")
-    stars = orbits.System.from_states(["A", "B"], [1, 1], [[0, 0, 0], [1, 0, 0]], np.zeros((2, 3)), epoch="2001-01-01")
+    stars = orbits.System(["A", "B"], [1, 1], [[0, 0, 0], [1, 0, 0]], np.zeros((2, 3)), epoch="2001-01-01")
     short = {"dt": 1e-3, "duration": 1e-2, "samples": 2, "progress": False, "check_step": False}
     with pytest.raises(InputError, match="no body 'Sun'"):
         orbits.residuals(orbits.propagate(stars, orbits.Gauss(), **short))
     with pytest.raises(EpochError, match="has no epoch"):
         orbits.residuals(orbits.propagate(stars.replaced(epoch=None), orbits.Gauss(), **short))
-    plain = orbits.System.from_states(
+    plain = orbits.System(
         ["Sun", "B"], [1, 1], [[0, 0, 0], [1, 0, 0]], np.zeros((2, 3)), units=orbits.DIMENSIONLESS
     )
     with pytest.raises(InputError, match=r"orbits\.residuals needs physical units and an epoch; .* DIMENSIONLESS"):

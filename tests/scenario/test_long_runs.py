@@ -100,7 +100,7 @@ def test_a_jupiter_two_per_cent_heavier_fails_the_frequencies(tmp_path, monkeypa
     system = scenario.checks.__globals__["system"]()
     x = system.values
     gm = np.where(np.array(system.names) == "Jupiter", 1.02 * x.gm, x.gm)
-    heavier = orbits.System.from_states(system.names, gm, x.q, x.v, units=system.units, epoch=system.epoch)
+    heavier = orbits.System(system.names, gm, x.q, x.v, units=system.units, epoch=system.epoch)
     outcome = perform(scenario.with_changes(system=heavier), out=tmp_path, plot=False)
     assert any(claim.startswith("g6 is the published one") for claim in failed(outcome))
     assert any(claim.startswith("s6 is the published one") for claim in failed(outcome))

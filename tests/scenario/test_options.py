@@ -27,16 +27,17 @@ from orbits.propagation.resuming import sample_store
 from orbits.scenario import bundled, load, perform, unfinished
 from orbits.scenario.certificates import certify_scenario, to_record
 from orbits.scenario.options import read_options
+from orbits.scenarios import Check, Option, Scenario
 
-PLANETS = orbits.Option("planets", "giants", choices=("giants", "all"), help="which planets are there")
-COUNT = orbits.Option("count", 100, least=1, help="number of particles")
-SHARE = orbits.Option("share", 0.5, least=0, most=1, help="a part of them")
-LOUD = orbits.Option("loud", False, help="whether all is said")
-WORD = orbits.Option("word", "any", help="a word")
+PLANETS = Option("planets", "giants", choices=("giants", "all"), help="which planets are there")
+COUNT = Option("count", 100, least=1, help="number of particles")
+SHARE = Option("share", 0.5, least=0, most=1, help="a part of them")
+LOUD = Option("loud", False, help="whether all is said")
+WORD = Option("word", "any", help="a word")
 ALL = (PLANETS, COUNT, SHARE, LOUD, WORD)
 
 
-def pair(**changes: Any) -> orbits.Scenario:
+def pair(**changes: Any) -> Scenario:
     """Two bodies at a distance that is an option, in steps that depend on another."""
 
     def system(options: dict[str, Any]) -> orbits.System:
@@ -47,8 +48,8 @@ def pair(**changes: Any) -> orbits.Scenario:
         "name": "pair",
         "title": "Two bodies",
         "options": [
-            orbits.Option("a", 1.0, least=0.1, help="semi-major axis"),
-            orbits.Option("fine", False, help="half the step"),
+            Option("a", 1.0, least=0.1, help="semi-major axis"),
+            Option("fine", False, help="half the step"),
         ],
         "system": system,
         "integrators": [orbits.Gauss(stages=4)],
@@ -57,7 +58,7 @@ def pair(**changes: Any) -> orbits.Scenario:
         "samples": 5,
         "against": (),
     }
-    return orbits.Scenario(**{**settings, **changes})
+    return Scenario(**{**settings, **changes})
 
 
 @pytest.mark.parametrize(
@@ -102,8 +103,8 @@ def test_a_value_is_read_as_people_type_it_and_has_the_type_of_the_default(optio
         (SHARE, "half", "is 'half'; expected a number from 0 to 1."),
         (LOUD, "perhaps", "is 'perhaps'; expected yes or no."),
         (WORD, "a\nb", "expected printable text, without spaces at its ends."),
-        (orbits.Option("order", 2, choices=(2, 4, 6), help="an order"), "3", "is 3; expected 2, 4 or 6."),
-        (orbits.Option("most", 2, most=5, help="a bound"), "6", "is 6; expected a whole number <= 5."),
+        (Option("order", 2, choices=(2, 4, 6), help="an order"), "3", "is 3; expected 2, 4 or 6."),
+        (Option("most", 2, most=5, help="a bound"), "6", "is 6; expected a whole number <= 5."),
     ],
 )
 def test_a_value_that_cannot_be_says_what_is_expected_and_what_is_near(option, text, message) -> None:
@@ -133,24 +134,24 @@ def test_a_value_that_cannot_be_says_what_is_expected_and_what_is_near(option, t
 )
 def test_a_declaration_that_contradicts_itself_is_refused(given, message) -> None:
     with pytest.raises(InputError) as error:
-        orbits.Option(**{"name": "count", "default": 100, "help": "number", **given})
+        Option(**{"name": "count", "default": 100, "help": "number", **given})
     assert message in str(error.value)
 
 
 @pytest.mark.parametrize("value", [10**5000, " x", np.inf], ids=["huge", "space", "inf"])
 def test_a_value_that_could_not_be_typed_is_refused(value) -> None:
-    option = orbits.Option("word", "x", help="a text") if isinstance(value, str) else COUNT
+    option = Option("word", "x", help="a text") if isinstance(value, str) else COUNT
     with pytest.raises(InputError, match="expected"):
         option.checked(value)
 
 
 def test_numbers_of_numpy_become_pythons_own() -> None:
-    bounded = orbits.Option("count", 3, least=np.int64(1), most=1e6, help="number")
+    bounded = Option("count", 3, least=np.int64(1), most=1e6, help="number")
     assert json.loads(json.dumps(bounded.record()))["least"] == 1
     assert bounded.expected == "a whole number from 1 to 1000000"
     assert SHARE.checked(np.float32(0.5)) == 0.5
     assert LOUD.checked(np.True_) is True
-    option = orbits.Option("count", np.int64(7), choices=np.arange(6, 9).tolist(), help="number")
+    option = Option("count", np.int64(7), choices=np.arange(6, 9).tolist(), help="number")
     assert type(option.default) is int
     assert type(pair(options=[option], dt=0.1).with_options(count=np.int32(8)).chosen["count"]) is int
 
@@ -213,7 +214,7 @@ def test_functions_get_the_values_and_the_outcome_has_them(tmp_path: Path) -> No
 
     def checks(outcome: Any) -> Any:
         seen.append(outcome.options)
-        yield orbits.Check("the planet is where it was put", outcome.run.system.q[1, 0].value > 1.9)
+        yield Check("the planet is where it was put", outcome.run.system.q[1, 0].value > 1.9)
 
     scenario = pair(checks=checks).with_options(a=2, fine=True)
     outcome = perform(scenario, out=tmp_path)
@@ -255,7 +256,7 @@ def test_a_scenario_without_options_has_functions_without_arguments_and_says_not
         ({"chosen": {"a": 0.0}}, "option 'a' of 'pair' is 0.0; expected a number >= 0.1"),
         ({"system": lambda: 3}, "'pair': system is a function that cannot be called with the values of the options"),
         ({"dt": lambda a, b: 3}, r"expected one argument: def dt\(options\), which has options\['NAME'\]."),
-        ({"options": [orbits.Option("self", 1, help="a name")], "chosen": {"self": 0.5}}, "expected a whole number"),
+        ({"options": [Option("self", 1, help="a name")], "chosen": {"self": 0.5}}, "expected a whole number"),
     ],
 )
 def test_a_scenario_whose_options_cannot_be_is_refused_where_it_is_made(changes, message) -> None:
@@ -304,7 +305,7 @@ def test_options_that_one_of_two_runs_has_not_are_told(tmp_path, monkeypatch) ->
     with pytest.raises(Interrupted):
         perform(pair(), out=tmp_path)
     monkeypatch.undo()
-    more = [*pair().options, orbits.Option("word", "", help="a text")]
+    more = [*pair().options, Option("word", "", help="a text")]
     with pytest.raises(InputError, match=r"it has no word, this one word=''. To complete it"):
         perform(pair(options=more), out=tmp_path)
 
@@ -353,7 +354,7 @@ def test_certificates_say_the_options_and_take_their_dt(tmp_path) -> None:
 
 
 def test_a_campaign_with_other_options_is_refused(tmp_path) -> None:
-    def plan(scenario: orbits.Scenario) -> Any:
+    def plan(scenario: Scenario) -> Any:
         options = {"dt": scenario.step(), "duration": 2.0, "samples": 3}
         return campaigns.plan_of(scenario.cases(), scenario.integrators[0], options)
 
@@ -367,13 +368,13 @@ def test_lists_name_the_options_of_each_bundled_scenario_as_it_has_them() -> Non
     assert "kirkwood_gaps" in with_options
     for name, options in with_options.items():
         scenario = load(name)
-        assert isinstance(scenario, orbits.Scenario)
+        assert isinstance(scenario, Scenario)
         assert options == tuple(option.name for option in scenario.options)
 
 
 def test_the_belt_is_set_among_giants_or_all_planets() -> None:
     scenario = load("kirkwood_gaps")
-    assert isinstance(scenario, orbits.Scenario)
+    assert isinstance(scenario, Scenario)
     assert scenario.chosen == {"planets": "giants", "count": 10_000}
     assert scenario.step() == 20 * u.day
     few, everything = scenario.with_options(count=7), scenario.with_options(count=7, planets="all")

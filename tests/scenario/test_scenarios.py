@@ -21,14 +21,16 @@ from hypothesis import strategies as st
 import orbits
 from orbits import integrators
 from orbits.archive import Archive
-from orbits.errors import InputError, Interrupted, OrbitsError, UnknownNameError
+from orbits.errors import InputError, Interrupted, OrbitsError, StepWarning, UnknownNameError
 from orbits.marching.clocks.variable_steps import ChangingSteps
+from orbits.methods import ExplicitEuler, RungeKutta4
 from orbits.propagation import marchers
 from orbits.propagation.resuming import sample_store
 from orbits.scenario import bundled, load, perform, performing
 from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock
 from orbits.scenario.unfinished import alone_in
+from orbits.scenarios import Check, Scenario
 
 STUDIES = [
     *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight"),
@@ -53,7 +55,7 @@ BY_FORCES = ("dust",)  # in test_dust.py
 
 
 def pair(**changes):
-    system = orbits.System.from_states(
+    system = orbits.System(
         ["star", "planet"], [1.0, 1e-3], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0.1]], units=orbits.DIMENSIONLESS
     )
     settings = {
@@ -66,7 +68,7 @@ def pair(**changes):
         "samples": 5,
         "against": (),
     }
-    return orbits.Scenario(**{**settings, **changes})
+    return Scenario(**{**settings, **changes})
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
@@ -199,7 +201,7 @@ def test_steps_and_durations_in_words_are_the_same_for_run_comparison_and_certif
 def test_a_scenario_needs_no_dt_and_no_method(tmp_path):
     changes = {"dt": None, "against": ("whfast", "ias15"), "tolerances": {"position": 1e-13}}
     settings = {name: value for name, value in vars(pair(**changes)).items() if name != "integrators"}
-    outcome = perform(orbits.Scenario(**settings), out=tmp_path, plot=False)
+    outcome = perform(Scenario(**settings), out=tmp_path, plot=False)
     assert outcome.ok, outcome.failures
     assert outcome.run.made_by == "Gauss(stages=8), adaptive steps (tolerance 1e-09)"
     verdicts = {row.method: row.verdict for row in outcome.report.rows}
@@ -367,7 +369,7 @@ def test_the_complete_cases_of_a_run_that_was_stopped_are_not_run_again(tmp_path
 
 
 SEVERAL = {
-    "integrators": [orbits.Gauss(stages=4), orbits.StormerVerlet(), orbits.RungeKutta4()],
+    "integrators": [orbits.Gauss(stages=4), orbits.StormerVerlet(), RungeKutta4()],
     "against": ("leapfrog", "ias15"),
 }
 """Two methods and a control, beside two peers and the exact solution."""
@@ -430,14 +432,14 @@ def test_each_stage_is_told_before_it_begins_and_what_is_left_of_it_is_measured(
 
 def test_warnings_of_controls_are_one_sentence_at_the_end(tmp_path):
     said = []
-    methods = [orbits.Gauss(stages=4), orbits.RungeKutta4(), orbits.ExplicitEuler()]
+    methods = [orbits.Gauss(stages=4), RungeKutta4(), ExplicitEuler()]
     perform(pair(integrators=methods, dt=1.0, duration=20.0), out=tmp_path, plot=False, say=said.append)
     (told,) = [line for line in said if line.startswith("mind: ")]
     assert told == said[-1]
     assert re.fullmatch(r"mind: [2-4] warnings of steps that are too long for the controls RungeKutta4\(\), "
                         r"ExplicitEuler\(\), as was to be expected\.", told)  # fmt: skip
     alone = []
-    perform(pair(integrators=[orbits.RungeKutta4()], dt=1.0), out=tmp_path / "alone", plot=False, say=alone.append)
+    perform(pair(integrators=[RungeKutta4()], dt=1.0), out=tmp_path / "alone", plot=False, say=alone.append)
     assert any(line.startswith("mind: dt = 1 is too long for RungeKutta4()") for line in alone)
 
 
@@ -484,7 +486,7 @@ def test_a_method_that_fails_is_reported_and_the_others_are_judged(tmp_path, rec
     again = perform(scenario, out=tmp_path, plot=False, say=said.append)
     assert again.failures == outcome.failures
     assert (tmp_path / "report.json").exists()
-    assert not [warning for warning in recwarn if warning.category is orbits.StepWarning]
+    assert not [warning for warning in recwarn if warning.category is StepWarning]
 
 
 @pytest.mark.parametrize("wrong", [{"draw": lambda outcome: 3}, {"checks": lambda outcome: ["fine"]}])
@@ -493,12 +495,12 @@ def test_pictures_and_checks_of_another_kind_are_refused_in_words(tmp_path, wron
         message = " ".join(perform(pair(**wrong), out=tmp_path).failures)
     except InputError as error:
         message = str(error)
-    assert "expected a matplotlib Figure" in message or "must yield orbits.Check" in message
+    assert "expected a matplotlib Figure" in message or "must yield orbits.scenarios.Check" in message
 
 
 def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
     outcome = perform(
-        pair(checks=lambda outcome: [orbits.Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path, plot=False
+        pair(checks=lambda outcome: [Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path, plot=False
     )
     assert outcome.failures == ("pigs fly: 0 of 3",)
 
@@ -579,7 +581,7 @@ def test_a_scenario_of_the_docs_length_is_found_by_its_path(tmp_path):
     path.write_text(
         textwrap.dedent("""
         import orbits
-        scenario = orbits.Scenario(
+        scenario = orbits.scenarios.Scenario(
             name="mine", title="Mine", integrators=[orbits.StormerVerlet()], dt=0.1, duration=1, against=(),
             system=lambda: orbits.System.from_elements({"s": {"gm": 1}, "p": {"a": 1}}, units=orbits.DIMENSIONLESS))
         """)

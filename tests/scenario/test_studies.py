@@ -32,7 +32,7 @@ def study(**changes):
     settings = {
         "name": "small",
         "title": "A small study",
-        "experiment": lambda say: StudyResult(checks=[orbits.Check("it holds", True)]),
+        "experiment": lambda say: StudyResult(checks=[orbits.scenarios.Check("it holds", True)]),
     }
     return Study(**{**settings, **changes})
 
@@ -296,7 +296,7 @@ def test_the_step_of_a_study_that_has_one_is_replaced():
 
     def experiment(say, dt):
         given.append(dt)
-        return StudyResult(checks=[orbits.Check("it holds", True)])
+        return StudyResult(checks=[orbits.scenarios.Check("it holds", True)])
 
     own = study(experiment=experiment, dt=orbits.Adaptive())
     for typed, expected in ((None, orbits.Adaptive()), ("transformed:0.2", orbits.TimeTransformed(step=0.2))):
@@ -528,7 +528,7 @@ def test_figures_are_made_only_where_they_are_wanted(tmp_path):
 
 
 def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
-    outcome = perform(of(checks=[orbits.Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path)
+    outcome = perform(of(checks=[orbits.scenarios.Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path)
     assert outcome.failures == ("pigs fly: 0 of 3",)
 
 
@@ -561,7 +561,7 @@ def test_a_study_that_cannot_be_is_refused_where_it_is_made(wrong, message):
     ("made", "message"),
     [
         (study(experiment=lambda say: 3), "must return a StudyResult"),
-        (of(checks=["fine"]), "must yield orbits.Check"),
+        (of(checks=["fine"]), "must yield orbits.scenarios.Check"),
         (of(record={"x": object()}), "hold text, numbers"),
         (study(experiment=lambda say: 1 / 0), r"test_studies.py, line \d+: ZeroDivisionError"),
         (study(experiment=lambda say: Table("t", ["a"], [[1, 2]])), "a row of 2"),
@@ -588,7 +588,7 @@ def test_a_picture_of_somebody_else_is_kept(tmp_path):
 
 
 def test_certifying_a_study_takes_its_own_starts_and_one_method_on_each_problem_once(tmp_path):
-    methods = [orbits.StormerVerlet(), orbits.ExplicitEuler()]
+    methods = [orbits.StormerVerlet(), orbits.methods.ExplicitEuler()]
     made = study(certifies=[(pendulum, method, 0.1, (0.5,), (0.2,)) for method in methods])
     outcome = certify_scenario(made, out=tmp_path)
     assert [each.control for each in outcome.certified] == [False, True]

@@ -11,6 +11,7 @@ import orbits
 from orbits.diagnostics.loops import area, loop
 from orbits.errors import InputError, SingularityError, StepWarning
 from orbits.kernels.rotation.planar_spins import cosine_of_turns, sine_of_turns
+from orbits.methods import Composition
 from orbits.spin_orbit import PlanarSpins, planar
 
 HYPERION = PlanarSpins(eccentricity=0.1, alpha=0.89)
@@ -51,18 +52,18 @@ def test_a_rigid_body_in_the_plane_of_its_orbit_turns_as_the_planar_spin():
     places, speeds = [[0, 0, 0], [1 - e, 0, 0]], [[0, 0, 0], [0, np.sqrt((1 + e) / (1 - e)), 0]]
     system = orbits.System(["Saturn", "Hyperion"], [1.0, 0.0], places, speeds, units=orbits.DIMENSIONLESS)
     run = orbits.propagate(
-        system.with_rigid({"Hyperion": moon}), orbits.Composition(orbits.StormerVerlet(), order=8), dt=2 * np.pi / 384,
+        system.with_rigid({"Hyperion": moon}), Composition(orbits.StormerVerlet(), order=8), dt=2 * np.pi / 384,
         duration=6 * np.pi, samples=4, progress=False,
     )  # fmt: skip
     section = PlanarSpins(eccentricity=e, asphericity=(190**2 - 145**2) / (190**2 + 145**2)).section(theta, rate, 3)
-    axis = run.attitude("Hyperion", matrix=True)[:, :, 0]
+    axis = run.rotation.attitude("Hyperion", matrix=True)[:, :, 0]
     seen = np.arctan2(axis[:, 1], axis[:, 0]) - section.theta[0]
     # A spin of the sea, whose errors grow fivefold in a revolution: 1e-9 is what PlanarSpins is asked for.
     assert np.abs(np.sin(seen)).max() < 2e-8
-    assert np.abs(run.angular_velocity("Hyperion").value[:, 2] - section.rate[0]).max() < 2e-8
+    assert np.abs(run.rotation.angular_velocity("Hyperion").value[:, 2] - section.rate[0]).max() < 2e-8
 
 
-@pytest.mark.filterwarnings("ignore::orbits.StepWarning")
+@pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 @pytest.mark.parametrize("tides", [0.0, 0.05])
 @pytest.mark.parametrize("order", [2, 4, 6, 8])
 def test_a_revolution_converges_with_the_order_of_the_method(order, tides):

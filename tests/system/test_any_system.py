@@ -10,7 +10,8 @@ from astropy import units as u
 from hypothesis import strategies as st
 
 import orbits
-from orbits import DIMENSIONLESS, SOLAR, InputError, System
+from orbits import DIMENSIONLESS, SOLAR, System
+from orbits.errors import InputError
 from tests.campaigns import ODDITIES, campaign, junk, works_or_says_why
 
 GOOD = {
@@ -36,7 +37,7 @@ OF_A_BODY = (
     units=st.sampled_from([SOLAR, DIMENSIONLESS]),
 )
 def test_any_states_are_a_system_or_refused(changes: dict[str, Any], units: orbits.UnitSystem) -> None:
-    works_or_says_why(lambda: System.from_states(**{**GOOD, "units": units, **changes}))
+    works_or_says_why(lambda: System(**{**GOOD, "units": units, **changes}))
 
 
 @campaign(
@@ -68,8 +69,8 @@ USES: dict[str, Callable[[Any], Any]] = {
     "solar_system": lambda x: System.solar_system(epoch=x, bodies=["Sun", "Mars"]),
     "bodies": lambda x: System.solar_system(bodies=x),
     "from_catalogue": System.from_catalogue,
-    "from_mpcorb": System.from_mpcorb,
-    "from_sbdb": System.from_sbdb,
+    "read_mpcorb": orbits.read_mpcorb,
+    "read_sbdb": orbits.read_sbdb,
     "add_particles": SUN.add_particles,
     "remove": THREE.remove,
     "replaced": lambda x: THREE.replaced(q=x),
@@ -85,18 +86,18 @@ USES: dict[str, Callable[[Any], Any]] = {
     "unit": lambda x: orbits.UnitSystem("mine", x, u.day, u.M_sun),
     "G": lambda x: orbits.UnitSystem("mine", u.au, u.day, u.M_sun, x),
     "stages": lambda x: orbits.Gauss(stages=x),
-    "variant": lambda x: orbits.SymplecticEuler(variant=x),
-    "base": orbits.Composition,
-    "order": lambda x: orbits.Composition(orbits.StormerVerlet(), order=x),
-    "scheme": lambda x: orbits.Composition(orbits.StormerVerlet(), order=4, scheme=x),
-    "tableau": lambda x: orbits.VPRK(a=x, b=[1.0]),
-    "from_rebound": orbits.from_rebound,
-    "to_rebound": orbits.to_rebound,
-    "run_from_rebound": orbits.run_from_rebound,
-    "CloserThan": orbits.CloserThan,
-    "FartherThan": orbits.FartherThan,
-    "EnergyErrorAbove": orbits.EnergyErrorAbove,
-    "WallTimeOver": orbits.WallTimeOver,
+    "variant": lambda x: orbits.methods.SymplecticEuler(variant=x),
+    "base": orbits.methods.Composition,
+    "order": lambda x: orbits.methods.Composition(orbits.StormerVerlet(), order=x),
+    "scheme": lambda x: orbits.methods.Composition(orbits.StormerVerlet(), order=4, scheme=x),
+    "tableau": lambda x: orbits.methods.VPRK(a=x, b=[1.0]),
+    "from_rebound": orbits.rebound.from_rebound,
+    "to_rebound": orbits.rebound.to_rebound,
+    "run_from_rebound": orbits.rebound.run_from_rebound,
+    "CloserThan": orbits.events.CloserThan,
+    "FartherThan": orbits.events.FartherThan,
+    "EnergyErrorAbove": orbits.events.EnergyErrorAbove,
+    "WallTimeOver": orbits.events.WallTimeOver,
     "Heartbeat": orbits.Heartbeat,
     "Heartbeat.to": lambda x: orbits.Heartbeat(60.0, to=x),
     "wall_time": lambda x: orbits.propagate([], wall_time=x),
@@ -136,7 +137,7 @@ def test_what_this_campaign_found_is_told_in_words(use: str, x: Any, message: st
 @pytest.mark.parametrize("names", ["Sun", 3, 3 * u.au, None])
 def test_names_are_a_sequence(names: Any) -> None:
     with pytest.raises(InputError, match=r"names is .*; expected a sequence of strings"):
-        System.from_states(**{**GOOD, "names": names})
+        System(**{**GOOD, "names": names})
 
 
 def test_no_names_are_nothing_to_add() -> None:

@@ -12,7 +12,8 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
-from orbits import DIMENSIONLESS, SOLAR, EpochError, InputError, OrbitsError, System, UnknownNameError
+from orbits import DIMENSIONLESS, SOLAR, System
+from orbits.errors import EpochError, InputError, OrbitsError, UnknownNameError
 
 GOOD: dict[str, Any] = {
     "names": ["Sun", "Earth", "rock"],
@@ -74,7 +75,7 @@ STATES: list[tuple[str, dict[str, Any], type[OrbitsError], str]] = [
 def test_what_is_no_system_is_refused(changes: dict[str, Any], error: type[OrbitsError], message: str) -> None:
     assert len(System(**GOOD)) == 3
     with pytest.raises(error, match=message) as caught:
-        System.from_states(**{**GOOD, **changes})
+        System(**{**GOOD, **changes})
     assert caught.value.exit_code == 2
 
 

@@ -7,7 +7,8 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits import DIMENSIONLESS, SOLAR, EpochError, InputError, System, UnknownNameError
+from orbits import DIMENSIONLESS, SOLAR, System
+from orbits.errors import EpochError, InputError, UnknownNameError
 from orbits.system import Body
 
 FOUR = ["Sun", "Earth", "Moon", "Jupiter"]
@@ -76,7 +77,7 @@ def test_the_case_of_a_name_does_not_matter_where_one_is_asked_for() -> None:
     assert system.to_table(bodies=["ceres"])["body"] == ["Ceres"]
     with pytest.raises(InputError, match="both called 'Ceres'"):
         system.to_table(bodies=["ceres", "Ceres"])
-    stop = orbits.FartherThan(9.0, "SUN")
+    stop = orbits.events.FartherThan(9.0, "SUN")
     run = orbits.propagate(system, "STORMER-VERLET", dt=1, duration=4, stop=stop, approaches=True)
     assert run["ceres"].name == "Ceres"
     assert run.closest_approaches()["CERES"] == run.closest_approaches()["Ceres"]

@@ -253,3 +253,17 @@ def test_particles_in_other_units_are_the_same_particles() -> None:
 def test_the_library_example_of_three_lines() -> None:
     system = System.from_elements({"Sun": {"mass": 1 * u.M_sun}, "Earth": {"a": 1 * u.au, "e": 0.0167}}, epoch="J2000")
     assert system.elements().P[0].to_value(u.yr) == pytest.approx(1.0, abs=2e-5)  # the Gaussian year is 365.2569 d
+
+
+@pytest.mark.parametrize(
+    ("name", "now"),
+    [
+        ("from_states", r"System\(names, gm, q, v, \.\.\.\)"),
+        ("from_mpcorb", r"System\.from_catalogue\(orbits\.read_mpcorb\(\.\.\.\)\)"),
+        ("from_sbdb", r"System\.from_catalogue\(orbits\.read_sbdb\(\.\.\.\)\)"),
+    ],
+)
+def test_a_constructor_that_has_gone_is_answered_with_the_one_for_it(name, now):
+    with pytest.raises(AttributeError, match=f"the class System has no attribute '{name}': it is {now} now"):
+        getattr(System, name)
+    assert not hasattr(System, "from_nothing")

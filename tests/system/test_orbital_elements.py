@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from astropy import units as u
 
-from orbits import DIMENSIONLESS, System, UnknownNameError
+from orbits import DIMENSIONLESS, System
 from orbits.elements import elements_from_state
+from orbits.errors import UnknownNameError
 from orbits.system import OrbitalElements, osculating
 
 EPS = 2.0**-52

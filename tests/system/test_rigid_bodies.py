@@ -123,22 +123,22 @@ AXES = {"A": 1, "B": 1, "C": 1}
     ],
 )
 def test_what_is_no_rigid_body_is_refused(system, given, words):
-    with pytest.raises(orbits.InputError, match=words):
+    with pytest.raises(orbits.errors.InputError, match=words):
         system.with_rigid("Hyperion", orbits.RigidBody(**given))
 
 
 def test_an_attitude_towards_a_body_needs_an_orbit_about_it(system):
     still = system.replaced(v=np.zeros((3, 3)))
-    with pytest.raises(orbits.InputError, match="needs an orbit about it"):
+    with pytest.raises(orbits.errors.InputError, match="needs an orbit about it"):
         still.with_rigid("Hyperion", orbits.RigidBody(shape=SHAPE, attitude="Saturn"))
 
 
 def test_names_that_a_system_does_not_have_are_refused(system):
     body = orbits.RigidBody(shape=SHAPE, spin=SPIN)
-    with pytest.raises(orbits.UnknownNameError, match="Did you mean 'Hyperion'"):
+    with pytest.raises(orbits.errors.UnknownNameError, match="Did you mean 'Hyperion'"):
         system.with_rigid("Hyperon", body)
-    with pytest.raises(orbits.InputError, match="twice"):
+    with pytest.raises(orbits.errors.InputError, match="twice"):
         system.with_rigid({"Hyperion": body, "hyperion": body})
     for wrong in (("Hyperion",), (["Hyperion"], body), ({},), ("Hyperion", 3)):
-        with pytest.raises(orbits.InputError, match="expected a"):
+        with pytest.raises(orbits.errors.InputError, match="expected a"):
             system.with_rigid(*wrong)

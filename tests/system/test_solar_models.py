@@ -59,7 +59,7 @@ def test_the_full_model_has_all_bodies_of_de440():
     assert len(system) == 11 + 343 + 30 + 36
     assert system.massive.all()
     assert {"Ceres", "Eros", "Eris", "2010 FX86", "ring 36"} <= set(system.names)
-    (rule,) = [term for term in system.terms if isinstance(term, orbits.MinorBodies)]
+    (rule,) = [term for term in system.terms if isinstance(term, orbits.terms.MinorBodies)]
     assert len(rule.bodies) == 343 + 30 + 36 - 16
     assert not {"Ceres", "Cybele", "Sun", "Moon", "Pluto"} & set(rule.bodies)
     mass = system.gm.value[11:354].sum()

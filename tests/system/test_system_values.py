@@ -11,7 +11,8 @@ import pytest
 from astropy import units as u
 from astropy.time import Time
 
-from orbits import DIMENSIONLESS, SOLAR, System, UnitSystem, UnknownNameError
+from orbits import DIMENSIONLESS, SOLAR, System, UnitSystem
+from orbits.errors import UnknownNameError
 
 SI = UnitSystem("SI", u.m, u.s, u.kg)
 
@@ -35,7 +36,7 @@ def test_states_come_back_as_they_went_in_to_the_last_bit() -> None:
     gm, q, v = rng.random(3), rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
     q[0, 0] = -0.0
     for units in (SOLAR, DIMENSIONLESS, SI):
-        made = System.from_states(list("abc"), gm * units.gm, q * units.length, v * units.speed, units=units)
+        made = System(list("abc"), gm * units.gm, q * units.length, v * units.speed, units=units)
         for value, given in zip((made.gm, made.q, made.v), (gm, q, v), strict=True):
             assert value.value.tobytes() == given.tobytes()
         assert (made.gm.unit, made.q.unit, made.v.unit) == (units.gm, units.length, units.speed)

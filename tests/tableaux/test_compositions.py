@@ -81,33 +81,33 @@ def test_the_tableau_is_symplectic_and_symmetric_and_has_the_order(base_order, o
 
 def test_every_default_is_a_scheme_of_its_order():
     for order in (4, 6, 8, 10):
-        method = orbits.Composition(orbits.StormerVerlet(), order=order)
+        method = orbits.methods.Composition(orbits.StormerVerlet(), order=order)
         assert method.order == order
-        assert method.scheme in orbits.Composition.schemes(method.base, order)
-    assert orbits.Composition(orbits.Gauss(stages=2), order=6).scheme in ANY_BASE
+        assert method.scheme in orbits.methods.Composition.schemes(method.base, order)
+    assert orbits.methods.Composition(orbits.Gauss(stages=2), order=6).scheme in ANY_BASE
 
 
 def test_what_does_not_fit_is_refused_with_a_remedy():
     verlet, gauss_2 = orbits.StormerVerlet(), orbits.Gauss(stages=2)
     with pytest.raises(InputError, match=r"not symmetric.*use StormerVerlet"):
-        orbits.Composition(orbits.SymplecticEuler())
+        orbits.methods.Composition(orbits.methods.SymplecticEuler())
     with pytest.raises(InputError, match="not symmetric"):
-        orbits.Composition(orbits.RungeKutta4())
+        orbits.methods.Composition(orbits.methods.RungeKutta4())
     with pytest.raises(InputError, match="needs a method"):
-        orbits.Composition("verlet")
+        orbits.methods.Composition("verlet")
     with pytest.raises(InputError, match="composed already"):
-        orbits.Composition(orbits.Composition(verlet, order=4), order=6)
+        orbits.methods.Composition(orbits.methods.Composition(verlet, order=4), order=6)
     for order in (2, 5, 4.0, "6", True, None, [4]):
         with pytest.raises(InputError, match="even order above 2"):
-            orbits.Composition(verlet, order=order)
+            orbits.methods.Composition(verlet, order=order)
     with pytest.raises(InputError, match="at most 10"):
-        orbits.Composition(verlet, order=12)
+        orbits.methods.Composition(verlet, order=12)
     with pytest.raises(InputError, match=r"methods of order 2; order 6 from order 4 has suzuki, triple-jump"):
-        orbits.Composition(gauss_2, order=6, scheme="kahan-li")
+        orbits.methods.Composition(gauss_2, order=6, scheme="kahan-li")
     with pytest.raises(InputError, match="made for Störmer–Verlet"):
-        orbits.Composition(orbits.Gauss(stages=1), order=4, scheme="blanes-moan")
+        orbits.methods.Composition(orbits.Gauss(stages=1), order=4, scheme="blanes-moan")
     with pytest.raises(InputError, match=r"a scheme for these orders; order 4 from order 2 has blanes-moan, suzuki"):
-        orbits.Composition(verlet, order=4, scheme="ruth")
+        orbits.methods.Composition(verlet, order=4, scheme="ruth")
 
 
 def test_every_published_scheme_is_offered():

@@ -22,7 +22,7 @@ SAME = "bodies merge, or masses change, between these samples"
 
 @pytest.fixture(scope="module")
 def merged() -> orbits.Trajectory:
-    return orbits.propagate(DISC, duration=20.0, events=orbits.Collision(then=orbits.Merge()))
+    return orbits.propagate(DISC, duration=20.0, events=orbits.events.Collision(then=orbits.events.Merge()))
 
 
 def swollen(t: u.Quantity, system: orbits.System) -> orbits.System:
@@ -50,7 +50,7 @@ def test_tables_have_mass_and_radius_at_each_time(merged) -> None:
 
 
 def test_tables_of_a_run_with_the_same_bodies_are_as_they_were() -> None:
-    same = orbits.propagate(DISC, duration=2.0, events=orbits.Collision(then=orbits.Merge()))
+    same = orbits.propagate(DISC, duration=2.0, events=orbits.events.Collision(then=orbits.events.Merge()))
     assert same.to_xarray().gm.dims == ("body",)
     assert "gm" not in same.to_pandas()
 
@@ -66,7 +66,7 @@ def test_elements_are_those_of_the_bodies_between_two_changes(merged) -> None:
 
 
 def test_changes_of_radii_alone_begin_a_leg() -> None:
-    events = orbits.Pericentre("a", "star", then=swollen)
+    events = orbits.events.Pericentre("a", "star", then=swollen)
     run = orbits.propagate(DISC, duration=8.0, events=events)
     assert len(run.events) == 1
     assert [leg.radii.value.tolist() for leg in run.legs] == [[0.05] * 3, [0.1] * 3]

@@ -15,7 +15,7 @@ from orbits import diagnostics
 from orbits.archive import ArchiveWriter
 from orbits.archive.samples import Samples
 from orbits.errors import ArchiveError, InputError, OrbitsError, OutOfRangeError, UnknownNameError
-from orbits.propagation.results.approaches import Rows
+from orbits.results.approaches import Rows
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
@@ -32,7 +32,7 @@ def system() -> orbits.System:
     rng = np.random.default_rng(5)
     q, v = rng.normal(size=(2, len(NAMES), 3))
     units = orbits.UnitSystem("own", u.au, u.yr / (2 * np.pi), u.M_sun)
-    return orbits.System.from_states(NAMES, np.multiply(GM, units.G), q, v, epoch="2022-08-09", units=units)
+    return orbits.System(NAMES, np.multiply(GM, units.G), q, v, epoch="2022-08-09", units=units)
 
 
 def floats() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -360,3 +360,30 @@ def test_what_is_no_run_is_refused_in_words(changed, words):
     given = {"system": system(), "times": t, "q": q, "v": v, "step": 0.125, "integrator": METHOD} | changed
     with pytest.raises(InputError, match=words):
         Trajectory(given.pop("system"), given.pop("times"), given.pop("q"), given.pop("v"), **given)
+
+
+def test_the_span_of_a_run_is_that_of_run_at_and_of_samples_alone_that_of_theirs():
+    run = orbits.propagate(orbits.System.solar_system(), dt="6 d", duration="-60 d", samples=[-48, -54], progress=False)
+    assert run.span == (0.0, -60.0)
+    assert run[:1].span == (-48.0, -48.0)
+    assert run[::-1].span == (-48.0, -54.0)
+    assert run[:0].span == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "now"),
+    [
+        ("sample", r"run\[k\], a System"),
+        ("reached", r"run\.span\[1\]"),
+        ("last_time", r"run\.times\[-1\]"),
+        ("obliquity", r"run\.rotation\.obliquity"),
+        ("rotation_rate", r"run\.rotation\.rate"),
+    ],
+)
+def test_a_former_name_is_answered_with_the_new_one(name, now):
+    run = orbits.propagate(orbits.System.solar_system(), dt="6 d", duration="6 d", samples=2, progress=False)
+    with pytest.raises(AttributeError, match=f"this Trajectory has no attribute '{name}': it is {now}"):
+        getattr(run, name)
+    with pytest.raises(AttributeError, match=r"no attribute 'nothing'\.$"):
+        run.nothing  # noqa: B018
+    assert name not in dir(run)

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from astropy.time import Time
 
-from orbits import EpochError
+from orbits.errors import EpochError
 from orbits.units import as_epoch
 
 

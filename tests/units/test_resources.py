@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from orbits import OrbitsError, UnknownNameError, resources
+from orbits import resources
+from orbits.errors import OrbitsError, UnknownNameError
 
 
 def test_data_files_are_found() -> None:

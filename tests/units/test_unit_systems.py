@@ -14,7 +14,8 @@ from astropy import units as u
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orbits import DIMENSIONLESS, SOLAR, InputError, UnitSystem
+from orbits import DIMENSIONLESS, SOLAR, UnitSystem
+from orbits.errors import InputError
 from orbits.resources import data_path
 from orbits.units import quantity_from_text
 

@@ -284,7 +284,7 @@ def test_a_run_that_grows_is_followed(chromium: Any, tmp_path: Path) -> None:
 
 
 def test_events_are_marks_on_the_time_line(chromium: Any, tmp_path: Path) -> None:
-    run = runs.planets(events=orbits.Apocentre("Jupiter", "Sun"))
+    run = runs.planets(events=orbits.events.Apocentre("Jupiter", "Sun"))
     assert len(run.events)
     opened(chromium, orbits.view(run, tmp_path / "events.html").path.as_uri())
     marks = chromium.find_elements("css selector", ".mark")
@@ -298,7 +298,7 @@ def test_events_are_marks_on_the_time_line(chromium: Any, tmp_path: Path) -> Non
 def test_the_time_line_says_how_many_events_are_not_marked(
     chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = runs.planets(events=[orbits.Apocentre("Jupiter", "Sun"), orbits.Pericentre("Jupiter", "Sun")])
+    run = runs.planets(events=[orbits.events.Apocentre("Jupiter", "Sun"), orbits.events.Pericentre("Jupiter", "Sun")])
     for most, said in ((1, f"events: the first 1 of {len(run.events)}"), (len(run.events), "")):
         monkeypatch.setattr("orbits.viewing.happenings.MOST", most)
         opened(chromium, orbits.view(run, tmp_path / f"{most}.html").path.as_uri())

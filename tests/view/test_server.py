@@ -147,7 +147,7 @@ def test_a_port_that_is_taken_is_said(archive: Path) -> None:
 
 @pytest.mark.parametrize("port", [-1, 70000])
 def test_a_port_that_is_none_is_said(archive: Path, port: int) -> None:
-    with pytest.raises(orbits.InputError, match=f"port {port} cannot be used"):
+    with pytest.raises(orbits.errors.InputError, match=f"port {port} cannot be used"):
         ViewServer(archive, port=port)
 
 

@@ -45,7 +45,7 @@ def from_sympy(
     t : the time, if L depends on it; parameters : values by symbol
     symmetries : a list of them, or a function of the parameters' values by name that returns one
     constraints : expressions of q and the parameters that are 0 along motions, or equations: x**2 + y**2 - l**2; L is
-        then separable, in coordinates that need no others, and marched by `orbits.Rattle()` and its compositions
+        then separable, in coordinates that need no others, and marched by `orbits.methods.Rattle()` and compositions
 
     Raises InputError, with the reason, for invalid Lagrangians: symbols without a value, functions that cannot be
     compiled, complex or non-smooth expressions, a mass matrix d2L/dv dv without inverse, constraints that depend on

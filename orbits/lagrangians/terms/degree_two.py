@@ -272,7 +272,7 @@ class DegreeTwo(Term):
 
         pole = (269.9949, 66.5392) * u.deg
         system.with_terms(
-            orbits.DegreeTwo("Moon", J2=2.0322e-4, C22=2.2382e-5, radius=1738 * u.km, pole=pole, attitude="Earth")
+            orbits.terms.DegreeTwo("Moon", J2=2.0322e-4, C22=2.2382e-5, radius=1738 * u.km, pole=pole, attitude="Earth")
         )
 
     body : the massive body with the figure; by default the most massive one
@@ -310,7 +310,7 @@ class DegreeTwo(Term):
         if not C22 > 0.0:
             raise InputError(
                 f"DegreeTwo{whose}: C22 is {C22:g}; expected a number > 0, as its long axis is the first in the "
-                "equator. A figure that is symmetric about its pole is orbits.ZonalHarmonics."
+                "equator. A figure that is symmetric about its pole is orbits.terms.ZonalHarmonics."
             )
         radius = number(units.length_value(self.radius, f"radius{whose}"), f"radius{whose}")
         if not radius > 0.0:

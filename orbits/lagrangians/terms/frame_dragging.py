@@ -96,7 +96,8 @@ def frame_dragging(row: int, k: Vector) -> Summand:
 class FrameDragging(Term):
     """The frame dragging by a spinning body, to first order in its spin.
 
-        system.with_terms(orbits.FrameDragging("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=(286.13, 63.87) * u.deg))
+        spin, pole = 1.9e41 * u.kg * u.m**2 / u.s, (286.13, 63.87) * u.deg
+        system.with_terms(orbits.terms.FrameDragging("Sun", spin=spin, pole=pole))
 
     body : the massive body that spins; by default the most massive one
     spin : its angular momentum, > 0; pole : its direction, (right ascension, declination) or a vector

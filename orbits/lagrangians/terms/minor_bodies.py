@@ -167,7 +167,7 @@ def minor_bodies(rows: Set[int], bodies: int) -> Summand:
 class MinorBodies(Term):
     """Massive bodies that do not attract each other, but all others, and are attracted by these.
 
-        system.with_terms(orbits.MinorBodies(bodies=["Ceres", "Pallas", "Vesta"]))
+        system.with_terms(orbits.terms.MinorBodies(bodies=["Ceres", "Pallas", "Vesta"]))
 
     bodies : the names of massive bodies, in a list or tuple
 

@@ -77,7 +77,7 @@ def nobili_roxburgh(row: int, c: float) -> Summand:
 class NobiliRoxburgh(Term):
     """A potential that turns pericentres as general relativity does, to first order, by one body.
 
-        system.with_terms(orbits.NobiliRoxburgh("Sun"))
+        system.with_terms(orbits.terms.NobiliRoxburgh("Sun"))
 
     body : the massive body whose field it is; by default the most massive one
     c : the speed of light; required if units are dimensionless

@@ -123,8 +123,8 @@ class PostNewtonian(Term):
     """General relativity to first post-Newtonian order: Mercury's 43" in a century, the Lagrangian of Einstein, Infeld
     and Hoffmann.
 
-        system.with_terms(orbits.PostNewtonian())
-        system.with_terms(orbits.PostNewtonian(sources=["Sun"]))
+        system.with_terms(orbits.terms.PostNewtonian())
+        system.with_terms(orbits.terms.PostNewtonian(sources=["Sun"]))
 
     sources : the names of the massive bodies whose fields are relativistic; by default all
     c : the speed of light; required if units are dimensionless

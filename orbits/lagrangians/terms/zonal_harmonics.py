@@ -156,7 +156,8 @@ def zonal_harmonics(row: int, radius: float, pole: Vector, harmonics: dict[int, 
 class ZonalHarmonics(Term):
     """The flattening of a body, by the zonal harmonics J2, J3, J4 of its field.
 
-        system.with_terms(orbits.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg))
+        pole = (286.13, 63.87) * u.deg
+        system.with_terms(orbits.terms.ZonalHarmonics("Sun", J2=2.2e-7, radius=696000 * u.km, pole=pole))
 
     body : the massive body that is flattened; by default the most massive one
     J2, J3, J4 : numbers; radius : the equatorial radius in their definition, a length

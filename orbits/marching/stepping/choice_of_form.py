@@ -114,7 +114,7 @@ def _rigid(
         what = "bodies of an ephemeris" if GIVEN in lagrangian.traits else f"the terms of '{lagrangian.name}'"
         raise InputError(
             f"rigid bodies march by kicks and drifts, which {what} do not allow; they go with terms of positions "
-            "alone, such as orbits.ZonalHarmonics(...)."
+            "alone, such as orbits.terms.ZonalHarmonics(...)."
         )
     tops = getattr(rigid, "tops", ()) if with_particles else ()
     return RigidSplitting(form.lengths, form.drifts, getattr(rigid, "rigid", 0), tops)

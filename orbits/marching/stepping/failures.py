@@ -90,7 +90,7 @@ def failure_of_bodies(
         return SingularityError(
             f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their "
             "accelerations are out of the range of floats. Use softening, end the run before with "
-            "stop=orbits.CloserThan(...), or give radii and seek events=orbits.Collision(...)."
+            "stop=orbits.events.CloserThan(...), or give radii and seek events=orbits.events.Collision(...)."
             + momenta * " Or a term adds as much as m v to the momenta there, which needs orbits.march."
             + forces * " Or a force jumps there, which no polynomial follows: give dt=...",
             step=step,

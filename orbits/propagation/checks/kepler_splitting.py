@@ -27,10 +27,10 @@ from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.checks.crossing_orbits import Orbits, close_pairs, orbits_of
 from orbits.propagation.checks.step_check import in_digits, rounded_down
-from orbits.propagation.results.approach import Approach
+from orbits.results.approach import Approach
 
 if TYPE_CHECKING:
-    from orbits.propagation.results.passages_seen import Seen
+    from orbits.results.passages import Seen
     from orbits.system import System
     from orbits.trajectory import Trajectory
     from orbits.trajectory.excursions import Excursions

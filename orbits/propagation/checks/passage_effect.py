@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,11 @@ from orbits.marching.clocks.constant import Place
 from orbits.point_masses import PointMasses
 from orbits.propagation.events.particles import LIGHT
 from orbits.propagation.marchers import march_of
+
+if TYPE_CHECKING:
+    from orbits.marching.clocks.constant import Clock
+    from orbits.results.passages import Passage
+    from orbits.system import System
 
 Array = NDArray[np.float64]
 
@@ -110,6 +115,33 @@ class Pair:
     other_q: Array = field(default_factory=lambda: np.zeros(3))
     other_v: Array = field(default_factory=lambda: np.zeros(3))
     seen: tuple[float, float, float] | None = None
+
+    @classmethod
+    def of(cls, passage: Passage, system: System, clock: Clock, dominant: int) -> Pair | None:
+        """Return the lighter body and the other of a passage; None if the states are not known.
+
+        dominant : number of the body that dominates the system, or -1
+        """
+        if passage.state is None or passage.about is None:
+            return None
+        gm = system.values.gm
+        mu, state, about = float(gm[passage.body] + gm[passage.other]), passage.state, passage.about
+        light, heavy, other = passage.body, passage.other, about - state
+        if gm[light] > gm[heavy]:
+            light, heavy, state, other = heavy, light, -state, about
+        if dominant < 0 or heavy == dominant:
+            other = np.zeros(6)
+        return cls(
+            mu,
+            float(gm[heavy]) / mu,
+            state[:3],
+            state[3:],
+            system.values.softening,
+            float(gm[dominant]) if dominant >= 0 else 0.0,
+            other[:3],
+            other[3:],
+            (clock.time(passage.steps) - clock.time(passage.step), passage.distance, passage.speed),
+        )
 
     def after(self, time: float) -> Pair:
         """Return the pair after a time of either sign, by its exact motion."""

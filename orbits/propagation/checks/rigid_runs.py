@@ -17,7 +17,7 @@ from orbits.system import System
 from orbits.system.rigid_body import RIGID
 
 if TYPE_CHECKING:
-    from orbits.propagation.results.passages_seen import Seen
+    from orbits.results.passages import Seen
     from orbits.time_grid import TimeGrid
     from orbits.trajectory import Trajectory
 

@@ -35,7 +35,7 @@ from orbits.propagation.checks.passage_effect import (
     effect,
     march_pair,
 )
-from orbits.propagation.results.approach import about, as_error, two_digits
+from orbits.results.approach import about, as_error, two_digits
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 
@@ -48,7 +48,7 @@ TOO_LONG = 1e-2
 INSTEAD = "leave dt out: steps are then chosen one by one"
 """The advice that serves all systems but those with rigid bodies."""
 
-OF_HIGHER_ORDER = "take a method of higher order, such as orbits.Composition(order=8)"
+OF_HIGHER_ORDER = "take a method of higher order, such as orbits.methods.Composition(order=8)"
 """The advice for those, whose steps cannot be chosen one by one, if the method is of an order below `HIGH`."""
 
 HIGH = 8

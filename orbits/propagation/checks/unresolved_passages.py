@@ -13,7 +13,7 @@ from orbits.finding import SHOWN, Finding
 from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.checks.kepler_splitting import encounters
-from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
+from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, Pair, effect
 from orbits.propagation.checks.step_check import (
     UNRESOLVED,
     in_digits,
@@ -22,12 +22,12 @@ from orbits.propagation.checks.step_check import (
     step_that_resolves,
     what_to_do,
 )
-from orbits.propagation.results.approach import Approach, as_error, said
-from orbits.propagation.results.passages_seen import observed_until
+from orbits.propagation.results.recording import observed_until
 from orbits.propagation.results.refinement import refine
+from orbits.results.approach import Approach, as_error, said
 
 if TYPE_CHECKING:
-    from orbits.propagation.results.passages_seen import Passage, Seen
+    from orbits.results.passages import Passage, Seen
     from orbits.trajectory import Trajectory
     from orbits.trajectory.retired import RetiredParticle
 
@@ -62,7 +62,7 @@ def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
     if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
         return None
     passage, end = seen.passages[k], _end(run, seen)
-    pair = passage.pair(run.system, run.clock, seen.dominant)
+    pair = Pair.of(passage, run.system, run.clock, seen.dominant)
     return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
 
 
@@ -96,7 +96,7 @@ def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
     """Return whether a single passage spoils a run; without a primary, whether its deflection is wrong."""
     if math.isfinite(caused.usual):
         return caused.spoils
-    pair = seen.passages[k].pair(run.system, run.clock, seen.dominant)
+    pair = Pair.of(seen.passages[k], run.system, run.clock, seen.dominant)
     assert pair is not None
     share, turn = passage_error(run.integrator, *pair.shape(run.step))
     return share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
@@ -159,7 +159,7 @@ def _enough(run: Trajectory, seen: Seen, numbers: list[int]) -> float:
     end, steps = _end(run, seen), []
     for k in {numbers[0], min(numbers, key=lambda k: abs(seen.passages[k].step))}:
         passage = seen.passages[k]
-        pair = passage.pair(run.system, run.clock, seen.dominant)
+        pair = Pair.of(passage, run.system, run.clock, seen.dominant)
         assert pair is not None
         left, count = end - run.clock.time(passage.step), 1 if pair.is_bound() else len(numbers)
         steps.append(step_that_resolves(run.integrator, run.step, pair, left, end, count))
@@ -238,7 +238,7 @@ def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
 
 def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
     """Return a bound of the error at the end of the run caused by a passage; 0 for one that cannot spoil it."""
-    pair = passage.pair(run.system, run.clock, seen.dominant)
+    pair = Pair.of(passage, run.system, run.clock, seen.dominant)
     if pair is None:
         return 0.0
     e, angle = pair.shape(run.step)

@@ -28,7 +28,7 @@ class OfTwo(Action):
         if not event.collides:
             raise InputError(
                 f"{type(event).__name__}(then={self!r}): only bodies that collide can do that; expected "
-                f"orbits.Collision(then={self!r})."
+                f"orbits.events.Collision(then={self!r})."
             )
 
     def act(self, happening: Happening) -> System | None:

@@ -207,7 +207,7 @@ class Collisions:
             names = self._names[first], self._names[second]
             raise SingularityError(
                 f"t = {time:.10g}: {names[1]} comes to rest on {names[0]}; its bounces follow one another without end. "
-                "Use then=orbits.Merge(), or end the run before.",
+                "Use then=orbits.events.Merge(), or end the run before.",
                 time=time,
                 bodies=names,
             )

@@ -32,7 +32,7 @@ class CloserThan(Sought):
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
-    then : among `events`, what happens; see `orbits.Event`
+    then : among `events`, what happens; see `orbits.events.Event`
 
     A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
     there again. It stops as they come closer in the direction of the run; what is recorded is meant in time.
@@ -59,7 +59,7 @@ class FartherThan(Sought):
 
     distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
     body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
-    then : among `events`, what happens; see `orbits.Event`
+    then : among `events`, what happens; see `orbits.events.Event`
 
     A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
     there again. It stops as they part in the direction of the run; what is recorded is meant in time.
@@ -110,21 +110,6 @@ class WallTimeOver:
 Condition = CloserThan | FartherThan | EnergyErrorAbove | WallTimeOver
 
 
-@dataclass(frozen=True)
-class Stop:
-    """Why and where a run ended early.
-
-    reason : in words; condition : the event or the condition that was met; None if the callback ended the run, or for
-        a run that is read from an archive, which has the reason alone
-    time : since the epoch, with unit; system : the state at that time
-    """
-
-    reason: str
-    condition: Condition | Sought | None
-    time: u.Quantity
-    system: System
-
-
 class Conditions:
     """What was given as `stop`.
 
@@ -136,8 +121,9 @@ class Conditions:
         given = [stop] if isinstance(stop, Condition) else stop
         if not isinstance(given, list | tuple) or not all(isinstance(c, Condition) for c in given):
             raise InputError(
-                f"stop = {shown(stop)}; expected conditions such as orbits.CloserThan(0.01 * u.au, 'Apophis', "
-                "'Earth'), orbits.FartherThan, orbits.EnergyErrorAbove or orbits.WallTimeOver, one or a list of them."
+                f"stop = {shown(stop)}; expected conditions such as orbits.events.CloserThan(0.01 * u.au, 'Apophis', "
+                "'Earth'), orbits.events.FartherThan, orbits.events.EnergyErrorAbove or "
+                "orbits.events.WallTimeOver, one or a list of them."
             )
         for c in given:
             if isinstance(c, Sought) and c.then != RECORD:

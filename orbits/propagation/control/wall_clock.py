@@ -79,4 +79,4 @@ class Deadline:
 
     def ended(self, run: Trajectory) -> bool:
         """Whether it was this limit that ended a run."""
-        return run.has_stopped and run.stopped is not None and run.stopped.reason.startswith(self.words)
+        return run._has_stopped and run.stopped is not None and run.stopped.reason.startswith(self.words)

@@ -51,8 +51,8 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     q, v, times, accounts = _states(trajectory, np.atleast_1d(times), "t" if one else "t[{}]")
     if one:
         return trajectory.system_of(q[0], v[0], float(times[0]), None if accounts is None else accounts[0])
-    some = trajectory.with_samples(times, q, v)
-    some.accounts = accounts
+    some = trajectory._with_samples(times, q, v)
+    some._accounts = accounts
     return some
 
 
@@ -60,7 +60,7 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     """Return q and v, (n, bodies, 3), at n times, and the times, snapped to the ends of the run within rounding; and
     the accounts there of forces, if some have internal variables.
     """
-    direction, kept, span = trajectory.clock.direction, trajectory.kept, trajectory.span
+    direction, kept, span = trajectory.clock.direction, trajectory._kept, trajectory._span
     if not len(trajectory) and (span is None or span[1] == 0.0):
         raise InputError(f"{trajectory!r} has no samples yet, so there is no state at any time; expected at least one.")
     order = np.argsort(trajectory.times * direction, kind="stable")  # samples may be in any order
@@ -116,7 +116,7 @@ def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array]:
     """Return q and v, (bodies, 3), of a sample, or of the start of the run."""
     if sample == START:
         return trajectory.system.values.q, trajectory.system.values.v
-    return trajectory.sample(sample)
+    return trajectory._sample(sample)
 
 
 def _accounts(trajectory: Trajectory, samples: NDArray[np.intp]) -> Array:

@@ -22,7 +22,7 @@ def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     The run is continued backwards with its own method and steps from its earliest state. Neither events nor collisions
     are sought there.
     """
-    first = run.earliest
+    first = run._earliest
     system = run.at(first)
     dt = run.clock if run.clock.changes else abs(run.step)
     clock = TimeGrid.of(system, dt, duration=float(np.min(times)) - first).clock

@@ -24,7 +24,7 @@ from orbits.errors import InputError, IntegrationError, Interrupted
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.marchers import bound
-from orbits.propagation.results.error_bars import ErrorBars
+from orbits.results.error_bars import ErrorBars
 from orbits.system.model import model
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def _followed(run: Trajectory, clock: Clock, threads: int | None, stop: StopRequ
             place = clock.place(float(run.times[k]))
             while marcher.is_before(place) and not stop.name:
                 marcher.approach(place)
-            for at, x, known in zip((0, 3), marcher.state_at(place), run.sample(k), strict=True):
+            for at, x, known in zip((0, 3), marcher.state_at(place), run._sample(k), strict=True):
                 out[k, :, at : at + 3] = x - known
     except IntegrationError as error:
         return out, str(error)

@@ -22,7 +22,7 @@ from orbits.trajectory.work import accounts_of
 if TYPE_CHECKING:
     from orbits.forces.base import Force
     from orbits.marching.legs.planet_excursions import Legs
-    from orbits.propagation.results.passages_seen import Passage
+    from orbits.results.passages import Passage
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
@@ -243,5 +243,5 @@ def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
     """Return q and v, (bodies, 3), and the time of a sample, or (-1) of the start of the run."""
     if sample < 0:
         return trajectory.system.values.q, trajectory.system.values.v, 0.0
-    q, v = trajectory.sample(sample)
+    q, v = trajectory._sample(sample)
     return q, v, float(trajectory.times[sample])

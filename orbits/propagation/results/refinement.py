@@ -18,7 +18,9 @@ from orbits.errors import IntegrationError
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.propagation.results.passage_walks import Pairs, PairsTogether, Walk, massless_of, role_of
-from orbits.propagation.results.passages_seen import Passage, Seen, observed_until
+from orbits.propagation.results.recording import observed_until
+from orbits.results.approaches import AT_ONCE
+from orbits.results.passages import Passage, Seen
 from orbits.system.model import most_inner
 
 if TYPE_CHECKING:
@@ -40,9 +42,6 @@ WIDER = 2.0
 CLOSE = 1 / 16
 """The fraction of the time before a passage, if its step is unknown, in which one step leads through the pericentre:
 0.03 of distance / speed there, a tenth of the steps that are chosen, and longer than the error of the recorded time."""
-
-AT_ONCE = 64
-"""The most massless bodies that are marched along to their passages: the march stops at each for all of them."""
 
 MOST_NUMBERS = 2**22
 """The most numbers of the states of passages that are refined together, 32 MB."""

@@ -58,7 +58,7 @@ def shadow_energy(run: Trajectory | DiscretePath, order: int | None = None) -> A
         return shadow_energies(run.lagrangian, run.integrator, run.dt, run.q, run.p, run.t, order)
     _check(run)
     energies = np.empty(len(run))
-    for samples, system, q, v in run.blocks():
+    for samples, system, q, v in run._blocks():
         lagrangian = lagrangian_of(system)
         require_shadow(lagrangian, run.integrator)
         q, v = (np.asarray(x).reshape(len(x), -1) for x in (q, v))

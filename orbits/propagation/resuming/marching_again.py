@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,15 +18,15 @@ from orbits.time_grid import TimeGrid
 if TYPE_CHECKING:
     from orbits.marching.following.retirement import Retirement
     from orbits.marching.legs.march import March as Marching
-    from orbits.propagation.control.stop_conditions import Stop
-    from orbits.propagation.results.approach import Approach
-    from orbits.propagation.results.approaches import Approaches
-    from orbits.propagation.results.error_bars import ErrorBars
-    from orbits.propagation.results.passages_seen import Seen
-    from orbits.propagation.variations.megno import Megno
-    from orbits.propagation.variations.state_transition import StateTransition
+    from orbits.protocols import March
+    from orbits.results.approach import Approach
+    from orbits.results.approaches import Approaches
+    from orbits.results.error_bars import ErrorBars
+    from orbits.results.megno import Megno
+    from orbits.results.passages import Seen
+    from orbits.results.state_transition import StateTransition
+    from orbits.results.stop import Stop
     from orbits.trajectory import Trajectory
-    from orbits.trajectory.again import March
     from orbits.trajectory.retired import RetiredParticles
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ class Replay:
         """Return a march of a run from its initial state."""
         from orbits.propagation.marchers import bound
 
-        _refuse_legs(run, "run.to_spk() and run.begun() march")
+        _refuse_legs(run, "run.to_spk() marches")
         return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
@@ -59,8 +60,6 @@ class Replay:
 
         Raises InputError for a trajectory with samples only, and for a run that did not look for them.
         """
-        from orbits.propagation.results.approaches import Approaches
-
         seen = seen_by(run)
         if not seen.looked:
             raise InputError(
@@ -68,15 +67,14 @@ class Replay:
                 "orbits.propagate(..., approaches=True). Passages that its step did not resolve are in "
                 "run.unresolved()."
             )
-        return Approaches(run, seen)
+        return approaches_of(run, seen)
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
         from orbits.propagation.checks.unresolved_passages import spoiling
-        from orbits.propagation.results.approaches import Approaches
 
         seen = seen_by(run)
-        approaches = Approaches(run, seen)
+        approaches = approaches_of(run, seen)
         if seen.left_out < 0:  # a run of an earlier version, which kept no states of the passages
             approaches.know_all()
         found = [k for k, _ in spoiling(run, seen)]
@@ -140,11 +138,11 @@ class Replay:
         """Return why and where a run in an archive was ended."""
         from astropy import units as u
 
-        from orbits.propagation.control.stop_conditions import Stop
+        from orbits.results.stop import Stop
 
         assert run.archive is not None
         ended = run.archive.ended
-        time = run.reached if ended.time is None else ended.time
+        time = run._reached if ended.time is None else ended.time
         return Stop(ended.why, None, u.Quantity(time, run.system.units.time), self.at(run, time))
 
 
@@ -182,14 +180,24 @@ def _refuse_legs(run: Trajectory, what: str) -> None:
 def seen_by(run: Trajectory) -> Seen:
     """Return the passages of a run, which are determined once and stored with it."""
     _refuse_legs(run, "run.closest_approaches() and run.unresolved() follow")
-    if run.record is None and run.archive is None:
+    if run._record is None and run.archive is None:
         raise InputError(
             f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "
             "returned by orbits.propagate or orbits.resume."
         )
-    if run.passages is None:
-        from orbits.propagation.results.passages_seen import Seen
+    if run._passages is None:
+        from orbits.propagation.results.recording import passages_of
 
-        run.passages = Seen.by(run, run.record)
-    seen: Seen = run.passages
+        run._passages = passages_of(run, run._record)
+    seen: Seen = run._passages
     return seen
+
+
+def approaches_of(run: Trajectory, seen: Seen) -> Approaches:
+    """Return the closest approaches of a run, refined by marching it again when they are asked for."""
+    from orbits.propagation.checks.unresolved_passages import error_at_end
+    from orbits.propagation.results.refinement import refine
+    from orbits.results.approaches import Approaches
+
+    refining, judging = partial(refine, run, seen), partial(error_at_end, run, seen)
+    return Approaches(run.system, run.clock, seen, refine=refining, error_at_end=judging)

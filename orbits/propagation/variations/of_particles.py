@@ -18,7 +18,7 @@ from orbits.marching.tangents.of_particles import ParticleTangents, Passages
 from orbits.marching.watching.kepler_passages import HILL_RADII, near_a_planet
 from orbits.propagation.checks.kepler_splitting import encounters
 from orbits.propagation.marchers import bound
-from orbits.propagation.results.passages_seen import Seen
+from orbits.results.passages import Seen
 from orbits.system import System
 from orbits.system.model import model
 from orbits.time_grid import TimeGrid

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Collision(Sought):
     """Two bodies come closer than the sum of their radii.
 
-        orbits.propagate(system, duration="100 yr", events=orbits.Collision(then=orbits.Merge()))
+        orbits.propagate(system, duration="100 yr", events=orbits.events.Collision(then=orbits.events.Merge()))
 
     body, other : names; None means any body. One of the two must have mass: massless bodies hit massive ones only
     then : "record" (the bodies pass through each other, as points do), "stop", `Merge()` or `Bounce(restitution=...)`
@@ -40,8 +40,9 @@ class Collision(Sought):
         if not (self.then in (RECORD, STOP) or isinstance(self.then, Merge | Bounce)):
             given = shown(getattr(self.then, "function", self.then))
             raise InputError(
-                f"Collision(then={given}); expected 'record', 'stop', orbits.Merge() or orbits.Bounce(...). A function "
-                "of your own acts at other events, such as orbits.CloserThan(..., then=function)."
+                f"Collision(then={given}); expected 'record', 'stop', orbits.events.Merge() or "
+                "orbits.events.Bounce(...). A function of your own acts at other events, such as "
+                "orbits.events.CloserThan(..., then=function)."
             )
 
     def bound(self, system: System) -> list[Bound]:

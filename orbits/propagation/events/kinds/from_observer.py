@@ -33,7 +33,7 @@ class Seen(Sought):
     body, other, observer : names of three bodies; one without mass, at rest far away, stands for a line of sight
     apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
         in v/c; otherwise where they are
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """
 
     body: str
@@ -137,7 +137,7 @@ class Conjunction(Seen):
     frame : "ecliptic" (of J2000) for longitudes, "icrf" for right ascensions, or "system"; by default `System.frame`
     apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
         in v/c; otherwise where they are
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """
 
     frame: str | None = field(default=None, kw_only=True)
@@ -185,7 +185,7 @@ class Transit(Seen):
     body, other, observer : names of three bodies; the first two need radii
     apparent : whether they are seen where they appear, by the time that light takes and by aberration, to first order
         in v/c; otherwise where they are
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
 
     The discs touch at the first and the fourth contact from outside, at the second and the third from inside.
     """

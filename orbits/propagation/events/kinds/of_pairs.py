@@ -29,7 +29,7 @@ class CloseApproach(Sought):
     body, other : names; None means any body
     within : the largest distance that counts: a quantity, a text such as "0.1 AU", or a number in the system's unit of
         length; None for all
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
 
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
@@ -95,7 +95,7 @@ class Pericentre(Sought):
 
     body : a name; None means every body but the primary
     primary : a name; optional if one body has more than 90 % of the mass
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """
 
     body: str | None = None

@@ -31,7 +31,7 @@ class Ejection(Sought):
 
     distance : a quantity, a text such as "100 AU", or a number in the system's unit of length
     body : a name; None means every body with mass
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
 
     Raises InputError for a distance that is not one finite number above 0, and for a name that is not a string.
     """
@@ -104,7 +104,7 @@ class ElementCrossing(Sought):
     primary : a name; optional if one body has more than 90 % of the mass
     frame : of the angles, "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
     direction : 1 if it is to rise through the value, -1 if it is to fall, 0 for both
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """
 
     body: str

@@ -29,7 +29,7 @@ class Event(Sought):
         def alignment(t, q, v):  # t (m,); q, v (m, bodies, 3): floats in the units of the system
             return q[:, 1, 0] - q[:, 2, 0]
 
-        run = orbits.propagate(system, duration=1 * u.yr, events=[orbits.Event(alignment, name="alignment")])
+        run = orbits.propagate(system, duration=1 * u.yr, events=[orbits.events.Event(alignment, name="alignment")])
 
     function : of times t (m,), since the epoch, and of positions and velocities q, v (m, bodies, 3); returns (m,). A
         function that is compiled, by `orbits.kernel` for example, is called for one time at a time, with t a float and
@@ -172,7 +172,8 @@ def _of_expression(expression: Any, system: System) -> Callable[[Array, Array, A
             places.append((index_of(body, system.names), COORDINATES.index(name)))
         else:
             raise InputError(
-                f"Event of an expression with {symbol}; expected t, and symbols of orbits.Event.symbols(a body's name)."
+                f"Event of an expression with {symbol}; expected t, and symbols of "
+                "orbits.events.Event.symbols(a body's name)."
             )
     compiled = sympy.lambdify(used, expression, modules="numpy", cse=True)
 

@@ -29,7 +29,7 @@ class NodeCrossing(Sought):
     frame : "ecliptic" (of J2000), "icrf" or "system" (the system's own axes), whose x-y plane it is; by default
         `System.frame`
     direction : 1 for ascending nodes alone, -1 for descending ones, 0 for both
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """
 
     body: str | None = None
@@ -59,7 +59,7 @@ class PlaneCrossing(Sought):
     offset : the distance of the plane from there, along the normal: a quantity, or a number in the unit of length
     frame : of the normal, "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
     direction : 1 for passages along the normal alone, -1 for those against it, 0 for both
-    then : "record", "stop", or what is to be done; see `orbits.Event`
+    then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """
 
     body: str

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import chosen, index_of
 from orbits.export import MOST_ROWS, headed, html_table, text_table
-from orbits.propagation.results.approach import said, unit_of_errors
+from orbits.results.approach import said, unit_of_errors
 from orbits.system.presenting import attributes, span
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""Attitudes and spins of rigid bodies at the samples of a run."""
+"""Attitudes and spins of bodies, rigid ones and those that forces such as tides turn, at the samples of a run."""
 
 from __future__ import annotations
 
@@ -14,25 +14,30 @@ from orbits.body_names import few, index_of, orbited
 from orbits.checks import is_one_of
 from orbits.errors import InputError, shown
 from orbits.export.labelled import Variable
+from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:
-    from orbits.system import System
-    from orbits.trajectory.parts import Samples
     from orbits.trajectory.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
-class Attitudes:
-    """The methods of `Trajectory` for rigid bodies."""
+NO_TIDES = "a system with forces orbits.terms.Tides(...)"
 
-    if TYPE_CHECKING:  # set by `Trajectory`
-        system: System
-        _q: Samples
-        _v: Samples
 
-        def __len__(self) -> int: ...
+class Rotation:
+    """How bodies turn, at the samples of a run: `run.rotation`.
+
+        run.rotation.attitude("Hyperion"), run.rotation.obliquity("Hyperion", about="Saturn")
+    """
+
+    def __init__(self, run: Trajectory) -> None:
+        self._run, self._system = run, run.system
+
+    def __repr__(self) -> str:
+        turning = [*self._system.rigid, *sorted(force.source for force in self._spinning().values())]
+        return f"Rotation({few(turning) if turning else 'of no body'}; {len(self._run)} samples)"
 
     def attitude(self, body: str, *, matrix: bool = False) -> Array:
         """Return the attitude of a rigid body at each sample: unit quaternions, (n, 4), of the rotation from the axes
@@ -54,9 +59,9 @@ class Attitudes:
         moments, states = self._states(body)
         R = _matrices(states[:, :4])
         rates = np.einsum("nji,nj->ni", R, states[:, 4:7]) / moments
-        return u.Quantity(rates if axes == "body" else np.einsum("nij,nj->ni", R, rates), self.system.units.rate)
+        return u.Quantity(rates if axes == "body" else np.einsum("nij,nj->ni", R, rates), self._system.units.rate)
 
-    def rotation_rate(self, body: str) -> u.Quantity:
+    def rate(self, body: str) -> u.Quantity:
         """Return the size of the angular velocity of a rigid body at each sample, (n,). Raises as `attitude`."""
         rates = self.angular_velocity(body)
         return u.Quantity(np.linalg.norm(rates.value, axis=-1), rates.unit)
@@ -93,42 +98,76 @@ class Attitudes:
         towards = np.einsum("nji,nj->ni", self.attitude(body, matrix=True), place)
         return u.Quantity(-np.arctan2(towards[:, 1], towards[:, 0]), u.rad).to(u.deg)
 
-    def plot_rotation(self, body: str | None = None, **options: Any) -> Any:
-        """Draw how a rigid body turns: `run.plot("rotation", body=...)`; see `orbits.plotting.plot_rotation`."""
-        from orbits.plotting import plot_rotation
+    def spin(self, body: str) -> u.Quantity:
+        """Return the angular velocity of a rigid body, or of one with `Tides`, at each sample, shape (n, 3), in the
+        axes of the system.
 
-        run: Trajectory = self  # type: ignore[assignment]
-        return plot_rotation(run, body, **options)
+        Raises InputError for another body, and for a trajectory that has only samples of a run.
+        """
+        if isinstance(body, str) and body in self._system.rigid:
+            return self.angular_velocity(body)
+        found = {force.source: k for k, force in self._spinning().items()}
+        if not isinstance(body, str) or body not in found:
+            those = f"those with Tides, {few(sorted(found))}" if found else NO_TIDES
+            raise InputError(f"the spin of {shown(body)} is not known in this run; expected {those}.")
+        return u.Quantity(self._spin(found[body]), self._system.units.rate)
 
-    def _labelled_attitudes(self, names: Sequence[str]) -> dict[str, Variable]:
+    def spin_angular_momentum(self) -> u.Quantity:
+        """Return the sum of the angular momenta of the spins of all bodies with `Tides` at each sample, shape (n, 3).
+
+        With it, the angular momentum of the massive bodies, `run.angular_momentum()`, keeps its first value. A spin
+        that is held, by inertia=math.inf, does not contribute. Zero without tides. Raises InputError as `spin` does,
+        and for rigid bodies, whose spins are in `run.angular_momentum()` already.
+        """
+        if self._system.rigid:
+            raise InputError(
+                "the spins of rigid bodies are in run.angular_momentum() already, and would be counted twice; "
+                f"run.rotation.spin(body) is the angular velocity of {few(list(self._system.rigid), 3)}."
+            )
+        units, spinning = self._system.units, self._spinning()
+        total = np.zeros((len(self._run), 3))
+        for k, force in spinning.items():
+            moment = force.moment(float(self._system.values.gm[self._system.index(force.source)]), units)
+            if np.isfinite(moment):
+                total += moment * self._spin(k)
+        return u.Quantity(total / units.G, units.angular_momentum)
+
+    def labelled(self, names: Sequence[str]) -> dict[str, Variable]:
         """Return attitudes and spins of bodies at the samples, for export; NaN for those that are not rigid."""
-        attitudes, spins = np.full((len(self), len(names), 4), np.nan), np.full((len(self), len(names), 3), np.nan)
+        shape = len(self._run), len(names)
+        attitudes, spins = np.full((*shape, 4), np.nan), np.full((*shape, 3), np.nan)
         for k, name in enumerate(names):
-            if name in self.system.rigid:
+            if name in self._system.rigid:
                 attitudes[:, k], spins[:, k] = self.attitude(name), self.angular_velocity(name).value
         return {
             "attitude": Variable(attitudes, u.dimensionless_unscaled, ("time", "body", "quaternion")),
-            "spin": Variable(spins, self.system.units.rate, ("time", "body", "component")),
+            "spin": Variable(spins, self._system.units.rate, ("time", "body", "component")),
         }
 
     def _states(self, body: str) -> tuple[Array, Array]:
         """Return the moments of a rigid body and its states at the samples, (n, 16)."""
         from orbits.system.rigid_bodies import rigid_bodies_of, states_in
 
-        run: Trajectory = self  # type: ignore[assignment]
-        i, rigid = index_of(body, self.system.names), rigid_bodies_of(self.system)
-        name = self.system.names[i]
+        i, rigid = index_of(body, self._system.names), rigid_bodies_of(self._system)
+        name = self._system.names[i]
         if rigid is None or name not in rigid.names:
             those = f"those that are rigid, {few(rigid.names)}" if rigid else "one made rigid by system.with_rigid(...)"
             raise InputError(f"{name!r} is not a rigid body in this run; expected {those}.")
-        states = states_in(accounts_of(run), self.system)[:, rigid.names.index(name)]
-        gone: Any = np.isnan(self._q[:, i]).any(axis=-1)
-        return rigid.turning(self.system.units)[name].moments, np.where(gone[:, None], np.nan, states)
+        states = states_in(accounts_of(self._run), self._system)[:, rigid.names.index(name)]
+        gone: Any = np.isnan(self._run._q[:, i]).any(axis=-1)
+        return rigid.turning(self._system.units)[name].moments, np.where(gone[:, None], np.nan, states)
 
     def _line(self, body: str, about: str | None) -> tuple[Array, Array]:
         """Return place and velocity of a body relative to another one, (n, 3)."""
-        i, j = orbited(self.system.names, self.system.values.gm, body, about)
-        return self._q[:, i] - self._q[:, j], self._v[:, i] - self._v[:, j]
+        i, j = orbited(self._system.names, self._system.values.gm, body, about)
+        return self._run._q[:, i] - self._run._q[:, j], self._run._v[:, i] - self._run._v[:, j]
+
+    def _spinning(self) -> dict[int, Any]:
+        """Return the forces that change a spin, by their numbers."""
+        return {k: force for k, force in enumerate(self._system.forces) if hasattr(force, "moment")}
+
+    def _spin(self, k: int) -> Array:
+        return accounts_of(self._run)[:, k, FIGURES : FIGURES + 3]
 
 
 LEVEL = 1e-12
@@ -146,6 +185,3 @@ def _matrices(quaternions: Array) -> Array:
 def _angle(one: Array, other: Array) -> Array:
     """Return the angles between vectors, (n,)."""
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(one, other), axis=-1), (one * other).sum(axis=-1)))
-
-
-__all__ = ["Attitudes"]

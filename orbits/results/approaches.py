@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, Any, overload
@@ -16,19 +16,26 @@ from orbits.body_names import chosen, index_of
 from orbits.checks import is_one_of, place_in, positive_number, single_number
 from orbits.errors import InputError, shown
 from orbits.export import MOST_ROWS, headed, html_table, text_table
-from orbits.propagation.checks.unresolved_passages import error_at_end
-from orbits.propagation.results.approach import LUNAR_DISTANCE, Approach, said, unit_of_errors
-from orbits.propagation.results.refinement import AT_ONCE, refine
+from orbits.results.approach import LUNAR_DISTANCE, Approach, said, unit_of_errors
 from orbits.system.presenting import attributes
 from orbits.units import date_text, written
 
 if TYPE_CHECKING:
     from astropy.table import QTable
 
-    from orbits.propagation.results.passages_seen import Seen
-    from orbits.trajectory import Trajectory
+    from orbits.marching.clocks.constant import Clock
+    from orbits.results.passages import Passage, Seen
+    from orbits.system import System
 
 Array = NDArray[np.float64]
+
+AT_ONCE = 64
+"""The most massless bodies that are marched along to their passages: the march stops at each for all of them."""
+
+
+TURNING = 1e-9
+"""The cosine of the angle between distance and velocity below which a position at the start is a minimum."""
+
 
 class Approaches:
     """The closest approaches of a run: all flybys within the reach of a body, and the closest approach of each body.
@@ -51,32 +58,41 @@ class Approaches:
     body on orbits about it (a visitor on a hyperbola is there) and positions at the start, from which bodies only part.
     """
 
-    def __init__(self, trajectory: Trajectory, seen: Seen) -> None:
-        self.names = trajectory.names
-        self._run, self._seen = trajectory, seen
+    def __init__(
+        self,
+        system: System,
+        clock: Clock,
+        seen: Seen,
+        *,
+        refine: Callable[[Iterable[int]], None],
+        error_at_end: Callable[[int], float | None],
+    ) -> None:
+        self.names = system.names
+        self._system, self._clock, self._seen = system, clock, seen
+        self._refine, self._error_at_end = refine, error_at_end
         self._asked = 1
 
     @property
     def distance(self) -> u.Quantity:
         """Distances, (bodies, 2)."""
-        return u.Quantity(self._of_closest("distance", math.inf), self._run.system.units.length)
+        return u.Quantity(self._of_closest("distance", math.inf), self._system.units.length)
 
     @property
     def time(self) -> u.Quantity:
         """Times since the epoch, (bodies, 2); 0 where there was no approach."""
         steps = self._of_closest("steps", 0.0)
-        return u.Quantity(self._run.clock.time(steps), self._run.system.units.time)
+        return u.Quantity(self._clock.time(steps), self._system.units.time)
 
     @property
     def speed(self) -> u.Quantity:
         """Relative speeds, (bodies, 2); 0 where there was no approach."""
-        return u.Quantity(self._of_closest("speed", 0.0), self._run.system.units.speed)
+        return u.Quantity(self._of_closest("speed", 0.0), self._system.units.speed)
 
     @property
     def estimated(self) -> NDArray[np.bool_]:
         """Which of these are estimates, (bodies, 2), as the motion there could not be computed again."""
         closest = self._seen.closest
-        refine(self._run, self._seen, sorted(set(closest[closest >= 0].tolist())))
+        self._refine(sorted(set(closest[closest >= 0].tolist())))
         return np.isin(closest, sorted(self._seen.estimated))
 
     @property
@@ -96,7 +112,7 @@ class Approaches:
         It is three Hill radii, or 5 % of the body's initial distance from the dominant body if that is larger; 0 for
         the dominant body, for massless bodies, and if no body dominates.
         """
-        return u.Quantity(self._seen.reach, self._run.system.units.length)
+        return u.Quantity(self._seen.reach, self._system.units.length)
 
     @property
     def left_out(self) -> int:
@@ -127,10 +143,10 @@ class Approaches:
         """Yield the same passages as they were recorded on the way, closest first, to about 1e-3 of the distance: at
         once, where to march many bodies again would take as long as the run. Those refined before are as refined.
         """
-        run, seen = self._run, self._seen
+        seen = self._seen
         for k in sorted(self._listed, key=lambda k: (seen.passages[k].distance, seen.passages[k].steps)):
             estimated = k in seen.estimated or k not in seen.refined
-            yield Approach.of(run.system, run.clock, seen.passages[k], None, estimated)
+            yield Approach.of(self._system, self._clock, seen.passages[k], None, estimated)
 
     def to_table(
         self, bodies: Sequence[str] | None = None, *, within: Any = None, order: str = "distance"
@@ -154,7 +170,7 @@ class Approaches:
             raise InputError(f"order is {shown(order)}; expected 'distance' or 'time'.")
         wanted = np.zeros(len(self.names), dtype=bool)
         wanted[chosen(self.names, bodies)] = True
-        passages, units = self._seen.passages, self._run.system.units
+        passages, units = self._seen.passages, self._system.units
         most = math.inf
         if within is not None:
             most = positive_number(single_number(units.length_value(within, "within"), "within"), "within")
@@ -164,7 +180,7 @@ class Approaches:
         if order == "time":
             ones.sort(key=lambda one: one.time)
         kinds = {"distance": units.length, "time": units.time, "speed": units.speed, "v_infinity": units.speed}
-        kinds["error"] = unit_of_errors(self._run.system)
+        kinds["error"] = unit_of_errors(self._system)
         columns: dict[str, object] = {
             "body": np.array([one.body for one in ones], dtype=str),
             "other": np.array([one.other for one in ones], dtype=str),
@@ -173,20 +189,29 @@ class Approaches:
             key: u.Quantity([np.nan if one is None else one.value for one in (getattr(a, key) for a in ones)], unit)
             for key, unit in kinds.items()
         }
-        if self._run.system.epoch is not None:
-            columns["date"] = written(self._run.system.epoch + figures["time"])
+        if self._system.epoch is not None:
+            columns["date"] = written(self._system.epoch + figures["time"])
         if units.is_physical:
             columns |= {"distance": figures.pop("distance")}
             columns["lunar_distances"] = (columns["distance"] / LUNAR_DISTANCE).to(u.one)
         columns |= figures
         if any(one.estimated for one in ones):
             columns["estimated"] = np.array([one.estimated for one in ones])
-        return QTable(columns, meta=attributes(self._run.system))
+        return QTable(columns, meta=attributes(self._system))
 
     @cached_property
     def _listed(self) -> list[int]:
         """Indices of the passages in the iteration: without positions at the start, from which bodies only part."""
-        return [k for k in self._seen.flybys if self._seen.passages[k].steps != 0.0]
+        return [k for k in self._seen.flybys if not self._parts(self._seen.passages[k])]
+
+    def _parts(self, passage: Passage) -> bool:
+        """Return whether a passage is a position at the start, and no minimum of the distance."""
+        if passage.steps != 0.0:
+            return False
+        _, q, v, _ = self._system.values
+        apart, speed = (x[passage.body] - x[passage.other] for x in (q, v))
+        size = float(np.linalg.norm(apart) * np.linalg.norm(speed))
+        return bool(apart @ speed * self._clock.direction > TURNING * size)
 
     @cached_property
     def _flybys(self) -> list[int]:
@@ -197,7 +222,7 @@ class Approaches:
     @cached_property
     def _all_flybys(self) -> list[int]:
         """The same with positions at the start."""
-        refine(self._run, self._seen, self._seen.flybys)
+        self._refine(self._seen.flybys)
         passages = self._seen.passages
         return sorted(self._seen.flybys, key=lambda k: (passages[k].distance, passages[k].steps))
 
@@ -212,20 +237,20 @@ class Approaches:
 
     def know_all(self) -> None:
         """Refine all passages to the accuracy of the orbit."""
-        refine(self._run, self._seen, range(len(self._seen.passages)))
+        self._refine(range(len(self._seen.passages)))
 
     def _of_closest(self, what: str, missing: float) -> Array:
         closest = self._seen.closest
-        refine(self._run, self._seen, sorted(set(closest[closest >= 0].tolist())))
+        self._refine(sorted(set(closest[closest >= 0].tolist())))
         values = [getattr(self._seen.passages[k], what) if k >= 0 else missing for k in closest.ravel()]
         return np.array(values, dtype=np.float64).reshape(closest.shape)
 
     def several(self, numbers: Sequence[int]) -> list[Approach]:
         """Return some passages as `Approach`es."""
-        run, seen = self._run, self._seen
-        refine(run, seen, numbers)
+        seen = self._seen
+        self._refine(numbers)
         return [
-            Approach.of(run.system, run.clock, seen.passages[k], error_at_end(run, seen, k), k in seen.estimated)
+            Approach.of(self._system, self._clock, seen.passages[k], self._error_at_end(k), k in seen.estimated)
             for k in numbers
         ]
 
@@ -238,7 +263,7 @@ class Approaches:
         known = self._seen.closest[:, 0]
         known = known[known >= 0]
         place = int(np.flatnonzero(known == number)[0])
-        refine(self._run, self._seen, known[place : place + self._asked].tolist())
+        self._refine(known[place : place + self._asked].tolist())
         self._asked = min(2 * self._asked, AT_ONCE)
 
     def __str__(self) -> str:
@@ -258,16 +283,16 @@ class Approaches:
 
     @property
     def _words(self) -> int:
-        return 2 + (self._run.system.epoch is not None)
+        return 2 + (self._system.epoch is not None)
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         """Return the head of a table, rows for the closest passages, and the number of others."""
-        units = self._run.system.units
+        units = self._system.units
         figures = {"distance": units.length, "time": units.time, "speed": units.speed}
-        dated = self._run.system.epoch is not None
+        dated = self._system.epoch is not None
         head = ["body", "passes", *["date (TDB)"] * dated, *(headed(key, unit) for key, unit in figures.items())]
         head += [headed("v_infinity", units.speed)] * units.is_physical
-        head.append(headed("off at the end", unit_of_errors(self._run.system)))
+        head.append(headed("off at the end", unit_of_errors(self._system)))
         rows = []
         for a in islice(self, MOST_ROWS):
             date = [] if a.date is None else [date_text(a.date, 16)]

@@ -1,4 +1,4 @@
-"""The passages recorded by the marcher of a run, with the bodies numbered as in the system."""
+"""The passages of a run: what a march records of them, and these with the bodies numbered as in the system."""
 
 from __future__ import annotations
 
@@ -10,18 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ArchiveError
 from orbits.kernels.search import record
 from orbits.kernels.search.record import DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.marching.legs.record import Record
-from orbits.propagation.checks.passage_effect import Pair
-from orbits.propagation.marchers import bound, restore, unchanged
 from orbits.system.model import given_bodies
 
 if TYPE_CHECKING:
     from orbits.marching.clocks.constant import Clock
+    from orbits.marching.legs.record import Record
     from orbits.system import System
-    from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -30,11 +26,6 @@ UNBOUND = 2.0 * (1.0 + 1e-6)
 
 SAME = 1.5
 """The number of steps by which two records of one passage may differ."""
-
-
-def observed_until(run: Trajectory) -> float:
-    """Return the time up to which the passages of a run are known: its end, or where it was stopped."""
-    return run.reached if run.complete or run.has_stopped else run.last_time
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,32 +46,6 @@ class Passage:
     speed: float
     state: Array | None = None
     about: Array | None = None
-
-    def pair(self, system: System, clock: Clock, dominant: int) -> Pair | None:
-        """Return the lighter body and the other for `passage_effect`; None if the states are not known.
-
-        dominant : number of the body that dominates the system, or -1
-        """
-        if self.state is None or self.about is None:
-            return None
-        gm = system.values.gm
-        mu, state, about = float(gm[self.body] + gm[self.other]), self.state, self.about
-        light, heavy, other = self.body, self.other, about - state
-        if gm[light] > gm[heavy]:
-            light, heavy, state, other = heavy, light, -state, about
-        if dominant < 0 or heavy == dominant:
-            other = np.zeros(6)
-        return Pair(
-            mu,
-            float(gm[heavy]) / mu,
-            state[:3],
-            state[3:],
-            system.values.softening,
-            float(gm[dominant]) if dominant >= 0 else 0.0,
-            other[:3],
-            other[3:],
-            (clock.time(self.steps) - clock.time(self.step), self.distance, self.speed),
-        )
 
 
 class Seen:
@@ -118,22 +83,6 @@ class Seen:
             body = int(self._order[row])
             if not given[body]:
                 self.closest[body, column] = self._number_of(entries[:, column, row], body)
-
-    @classmethod
-    def by(cls, trajectory: Trajectory, record: Record | None) -> Seen:
-        """Return the passages of a run; without `record`, those in the last checkpoint of its archive."""
-        if record is None:
-            assert trajectory.archive is not None
-            how = trajectory.system, trajectory.integrator, trajectory.clock
-            marcher = bound(*how, threads=1, approaches=trajectory.archive.approaches)
-            restore(marcher, unchanged(trajectory.archive.checkpoint()), trajectory.archive.path)
-            if not trajectory.clock.changes and marcher.step > trajectory.archive.grid.whole_steps:
-                raise ArchiveError(
-                    f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
-                    "behind the end of the run. Restore it from a copy."
-                )
-            record = marcher.record(observed_until(trajectory))
-        return cls(trajectory.system, record, trajectory.clock)
 
     @cached_property
     def flybys(self) -> list[int]:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from astropy.time import Time
 
     from orbits.marching.clocks.constant import Clock
-    from orbits.propagation.results.passages_seen import Passage
+    from orbits.results.passages import Passage
     from orbits.system import System
 
 LUNAR_DISTANCE = 384_400 * u.km

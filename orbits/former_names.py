@@ -1,0 +1,160 @@
+"""Names that have moved or gone, for one release: where each is now.
+
+A name that is asked for and not there is looked up here, and the error says the new one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+SPACES: Mapping[str, tuple[str, ...]] = {
+    "methods": (
+        "Composition",
+        "ExplicitEuler",
+        "ImplicitMidpoint",
+        "LieGroupVariational",
+        "LobattoIIIAB",
+        "LobattoIIIBA",
+        "Rattle",
+        "RungeKutta4",
+        "SABA",
+        "SymplecticEuler",
+        "VPRK",
+    ),
+    "events": (
+        "Action",
+        "Apocentre",
+        "Bounce",
+        "CloseApproach",
+        "CloserThan",
+        "Collision",
+        "Conjunction",
+        "Ejection",
+        "ElementCrossing",
+        "EnergyErrorAbove",
+        "Event",
+        "FartherThan",
+        "Happening",
+        "Merge",
+        "NodeCrossing",
+        "Occultation",
+        "Opposition",
+        "Pericentre",
+        "PlaneCrossing",
+        "Transit",
+        "WallTimeOver",
+    ),
+    "terms": (
+        "Damping",
+        "DegreeTwo",
+        "Drag",
+        "FrameDragging",
+        "GasDrag",
+        "MassLoss",
+        "MinorBodies",
+        "NobiliRoxburgh",
+        "NonGravitational",
+        "PostNewtonian",
+        "RadiationPressure",
+        "Tides",
+        "ZonalHarmonics",
+    ),
+    "errors": (
+        "ArchiveError",
+        "ConvergenceError",
+        "EpochError",
+        "EventError",
+        "EventWarning",
+        "InputError",
+        "IntegrationError",
+        "Interrupted",
+        "MissingPackageError",
+        "OrbitsError",
+        "OrbitsWarning",
+        "OutOfRangeError",
+        "OutOfTime",
+        "RetiredWarning",
+        "SingularityError",
+        "StepWarning",
+        "StorageError",
+        "SystemsError",
+        "UnknownNameError",
+    ),
+    "rebound": (
+        "from_rebound",
+        "run_from_rebound",
+        "to_rebound",
+    ),
+    "scenarios": (
+        "Check",
+        "Option",
+        "Scenario",
+        "Study",
+        "StudyResult",
+        "Table",
+    ),
+}
+"""Names that were those of `orbits`, and the namespaces that they are in."""
+
+ROTATION = (
+    "attitude",
+    "angular_velocity",
+    "euler_angles",
+    "obliquity",
+    "libration_angle",
+    "spin",
+    "spin_angular_momentum",
+)
+"""What runs say of the rotation of bodies."""
+
+NOW: Mapping[str, Mapping[str, str]] = {
+    "orbits": {name: f"orbits.{space}.{name}" for space, names in SPACES.items() for name in names},
+    "System": {
+        "from_states": "System(names, gm, q, v, ...)",
+        "from_mpcorb": "System.from_catalogue(orbits.read_mpcorb(...))",
+        "from_sbdb": "System.from_catalogue(orbits.read_sbdb(...))",
+    },
+    "Trajectory": {
+        **{name: f"run.rotation.{name}" for name in ROTATION},
+        "rotation_rate": "run.rotation.rate",
+        "plot_rotation": 'run.plot("rotation", body=...)',
+        "sample": "run[k], a System, or run.q[k] and run.v[k]",
+        "reached": "run.span[1]",
+        "earliest": "min(run.span)",
+        "last_time": "run.times[-1]",
+        "has_stopped": "run.stopped is not None",
+    },
+}
+"""The new names, by the owner of the old ones: the module, or a class."""
+
+
+def moved(owner: str, name: str) -> str | None:
+    """Return where a former name is now, as the end of a sentence; None for a name that there never was.
+
+    owner : "orbits", or the name of a class
+    """
+    now = NOW.get(owner, {}).get(name)
+    return None if now is None else f": it is {now} now."
+
+
+class _Names(type):
+    """Answers for the class itself."""
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(cls, name: str) -> None:
+            where = moved(cls.__name__, name) or "."
+            raise AttributeError(f"the class {cls.__name__} has no attribute {name!r}{where}")
+
+
+class Renamed(metaclass=_Names):
+    """A class some of whose attributes have moved: the error for one of them says the new name."""
+
+    __slots__ = ()
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> None:
+            cls = type(self).__name__
+            raise AttributeError(f"this {cls} has no attribute {name!r}{moved(cls, name) or '.'}")
