@@ -25,10 +25,14 @@ from orbits.units import date_text, written
 if TYPE_CHECKING:
     from astropy.table import QTable
 
-    from orbits.propagation.results.passages_seen import Seen
+    from orbits.propagation.results.passages_seen import Passage, Seen
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+TURNING = 1e-9
+"""The cosine of the angle between distance and velocity below which a position at the start is a minimum."""
+
 
 class Approaches:
     """The closest approaches of a run: all flybys within the reach of a body, and the closest approach of each body.
@@ -186,7 +190,16 @@ class Approaches:
     @cached_property
     def _listed(self) -> list[int]:
         """Indices of the passages in the iteration: without positions at the start, from which bodies only part."""
-        return [k for k in self._seen.flybys if self._seen.passages[k].steps != 0.0]
+        return [k for k in self._seen.flybys if not self._parts(self._seen.passages[k])]
+
+    def _parts(self, passage: Passage) -> bool:
+        """Return whether a passage is a position at the start, and no minimum of the distance."""
+        if passage.steps != 0.0:
+            return False
+        _, q, v, _ = self._run.system.values
+        apart, speed = (x[passage.body] - x[passage.other] for x in (q, v))
+        size = float(np.linalg.norm(apart) * np.linalg.norm(speed))
+        return bool(apart @ speed * self._run.clock.direction > TURNING * size)
 
     @cached_property
     def _flybys(self) -> list[int]:
