@@ -61,8 +61,8 @@ def test_without_units_there_are_no_lunar_distances():
 
 
 def test_positions_at_the_start_are_no_flybys_but_are_known_of_each_body():
-    """Two planets begin in conjunction and part."""
-    bodies = {"star": {"gm": 1.0}, "b": {"a": 1.0, "gm": 1e-6}, "c": {"a": 1.2, "gm": 1e-3}}
+    """Two planets begin after their conjunction and part."""
+    bodies = {"star": {"gm": 1.0}, "b": {"a": 1.0, "gm": 1e-6}, "c": {"a": 1.2, "M": -0.05, "gm": 1e-3}}
     system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
     parting = orbits.propagate(system, duration=3.0).closest_approaches()
     assert len(parting) == 0
