@@ -29,9 +29,10 @@ from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import Collisions, rows_of_change
 from orbits.propagation.collisions.own_impacts import alone, own_impacts
 from orbits.propagation.control.stop_conditions import Conditions
+from orbits.propagation.events.base import Found
 from orbits.propagation.events.left import Left
 from orbits.propagation.events.particles import stretches
-from orbits.propagation.events.seeking import Found, Seeking
+from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import WORK, bound
 from orbits.system import System
 from orbits.trajectory import changes
