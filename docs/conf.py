@@ -25,7 +25,7 @@ extensions = [
 ]
 nitpicky = True
 smartquotes = False  # the quotation marks of commands are typed as they stand
-exclude_patterns = ["_ext"]
+exclude_patterns = ["_ext", "api"]  # docs/api/ is the reference in Markdown; the site has its own
 highlight_language = "text"
 pygments_style = "friendly"
 pygments_dark_style = "native"

@@ -43,7 +43,8 @@ FORCES = (
     "a Lagrangian of your own is integrated by orbits.march (docs/lagrangians.md)"
 )
 END = "the end of a run is duration=..., or until=..., a date or a time since the epoch"
-STEPS = "steps are constant: dt=..."
+STEPS = "dt=... makes steps constant; without it they are chosen"
+TOLERANCE = "dt=orbits.Adaptive(tolerance=...) is the tolerance of steps that are chosen"
 SAMPLES = "the samples to keep are samples=..., a count or times"
 KEYWORDS = {
     "yardstick": "it is called reference now",
@@ -54,7 +55,7 @@ KEYWORDS = {
     "post_timestep_modifications": FORCES,
     **dict.fromkeys(("tmax", "t_end", "tend", "t_span", "tspan", "end", "steps", "n_steps", "t"), END),
     **dict.fromkeys(("step", "timestep", "stepsize", "h"), STEPS),
-    **dict.fromkeys(("rtol", "atol", "tol", "tolerance", "epsilon", "min_dt"), f"{STEPS}; there is no tolerance"),
+    **dict.fromkeys(("rtol", "atol", "tol", "tolerance", "epsilon", "min_dt"), TOLERANCE),
     **dict.fromkeys(("times", "t_eval", "saveat", "noutputs", "nout", "exact_finish_time"), SAMPLES),
     **dict.fromkeys(("collision", "exit_min_distance"), "stop=orbits.CloserThan(distance) ends a run"),
     "exit_max_distance": "stop=orbits.FartherThan(distance) ends a run",

@@ -37,7 +37,7 @@ from benchmarks.small_bodies import part_small_bodies
 
 import orbits
 from orbits.kernels.compile import cpu_features, cpu_name
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "docs" / "figures"

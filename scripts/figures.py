@@ -1,7 +1,7 @@
 """Draw the pictures of the docs anew: run scenarios and copy, reduced, those of their pictures that the docs show.
 
     python scripts/figures.py                           # all of them: about twenty minutes, on an idle machine
-    python scripts/figures.py --kinds                   # of the kinds of pictures in docs/library.md
+    python scripts/figures.py --pages                   # of the blocks of README and docs/guide/pictures.md
     python scripts/figures.py kepler arenstorf          # of these scenarios
     python scripts/figures.py --from results kepler   # of what `orbits run kepler` has drawn already
 
@@ -12,9 +12,11 @@ colours, to keep the repository small. `work_precision` measures times, so its p
 from __future__ import annotations
 
 import argparse
+import re
 import subprocess
 import sys
 import tempfile
+from contextlib import chdir
 from io import BytesIO
 from pathlib import Path
 
@@ -22,7 +24,9 @@ from PIL import Image
 
 from orbits.scenario import bundled
 
-FIGURES = Path(__file__).resolve().parents[1] / "docs" / "figures"
+ROOT = Path(__file__).resolve().parents[1]
+FIGURES = ROOT / "docs" / "figures"
+BLOCK = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
 WIDTH, WIDEST, COLOURS = 1500, 1920, 256
 
 
@@ -45,17 +49,13 @@ def coded(picture: Image.Image) -> bytes:
     return memory.getvalue()
 
 
-def kinds(folder: Path) -> None:
-    """Draw the kinds of pictures of a run that are shown in docs/library.md, of the run that it has there."""
-    from astropy import units as u
-
-    import orbits
-    from orbits.plotting import save
-
-    giants = orbits.System.solar_system("2000-01-01T12:00:00", bodies=["Sun", "Jupiter", "Saturn"])
-    rocks = giants.add(["Griqua", "Hilda"], primary="Sun", a=[3.27, 3.97] * u.au, e=[0.3, 0.15], M=[10, 30] * u.deg)
-    run = orbits.propagate(rocks, "wisdom-holman", dt=40 * u.day, duration=5000 * u.yr, samples=1001)
-    save(run.plot("resonance", resonance="2:1", planet="Jupiter", bodies=["Griqua"]), folder / "resonance.png")
+def pages(folder: Path) -> None:
+    """Run the blocks of pages that save the pictures which these pages show."""
+    for page in ("README.md", "docs/guide/pictures.md"):
+        block = BLOCK.search((ROOT / page).read_text(encoding="utf-8"))
+        assert block is not None
+        with chdir(folder):
+            exec(compile(block[1], page, "exec"), {})
 
 
 def main() -> None:
@@ -63,16 +63,16 @@ def main() -> None:
     names = [scenario.name for scenario in bundled()]
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("scenarios", nargs="*", help="names; all by default")
-    parser.add_argument("--kinds", action="store_true", help="draw those of docs/library.md, and nothing else")
+    parser.add_argument("--pages", action="store_true", help="draw those of the blocks of pages, and nothing else")
     parser.add_argument("--from", dest="results", type=Path, help="a results folder; nothing is run then")
     given = parser.parse_args()
     if unknown := sorted(set(given.scenarios) - set(names)):
         parser.error(f"there is no scenario {unknown[0]!r}; expected some of {', '.join(names)}")
-    for name in ["kinds"] if given.kinds else given.scenarios or names:
+    for name in ["pages"] if given.pages else given.scenarios or names:
         with tempfile.TemporaryDirectory() as scratch:
             folder = given.results / name if given.results else Path(scratch)
-            if given.kinds:
-                kinds(folder)
+            if given.pages:
+                pages(folder)
             elif not given.results:
                 subprocess.run([sys.executable, "-m", "orbits", "run", name, "--out", str(folder)], check=True)
             for picture in sorted(folder.glob("*.png")):

@@ -139,7 +139,7 @@ def main() -> None:
         print(f"lazy kick, corrector 17, {SPAN / steps:5.2f} d: {told(run.state()[0])}; a flow and two kicks a step")
     run = marcher(orbits.Gauss(stages=8), gm, q, v, SPAN / 609)
     run.advance(609)
-    print(f"Gauss, 6 d: {told(run.state()[0])}; {8 * run.evaluations / SPAN:.2f} evaluations of a stage a day")
+    print(f"Gauss, 6 d: {told(run.state()[0])}; {8 * run.stepper.counts()[0] / SPAN:.2f} evaluations of a stage a day")
 
 
 if __name__ == "__main__":

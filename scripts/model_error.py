@@ -1,6 +1,6 @@
 """The deviation of Newtonian point masses from the real Solar System: runs from 2000-01-01 compared with DE440.
 
-    python scripts/model_error.py                  the table of docs/library.md, some seconds
+    python scripts/model_error.py                  the table of docs/model.md, some seconds
 
 The integration error is round-off here (metres in a thousand years), so the deviation is that of the model: DE440 has
 relativity, the figures of Sun, Earth and Moon, tides, 343 asteroids and the Kuiper belt, which these runs lack.

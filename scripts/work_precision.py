@@ -21,7 +21,7 @@ import orbits
 from orbits.errors import IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
 
 TARGETS = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
@@ -45,13 +45,13 @@ class Problem:
         seconds = math.inf
         for _ in range(5):
             massive = np.ones(len(self.gm), dtype=bool)
-            run = Marcher(newtonian, method, parameters(self.gm), massive, self.q, self.v, self.duration / steps)
+            run = Leg.of(newtonian, method, parameters(self.gm), massive, self.q, self.v, self.duration / steps)
             begun = time.perf_counter()
             run.advance(steps)
             seconds = min(seconds, time.perf_counter() - begun)
         error = np.max(np.abs(run.state()[0] - self.end) / np.max(np.abs(self.end), axis=1, keepdims=True))
         stages = 8 * math.ceil(method.stages / 8) if isinstance(method, orbits.Gauss) else 1
-        return float(error), run.evaluations * stages, seconds
+        return float(error), run.stepper.counts()[0] * stages, seconds
 
 
 def kepler() -> Problem:
@@ -74,7 +74,7 @@ def outer_solar_system() -> Problem:
         x -= gm @ x / gm.sum()
     turns, period = 20, 4332.6
     problem = Problem("Outer Solar System", gm, q, v, turns * period, turns, q)
-    truth = Marcher(newtonian, orbits.Gauss(stages=8), parameters(gm), np.ones(6, dtype=bool), q, v, period / 100)
+    truth = Leg.of(newtonian, orbits.Gauss(stages=8), parameters(gm), np.ones(6, dtype=bool), q, v, period / 100)
     truth.advance(100 * turns)
     return Problem(problem.name, gm, q, v, problem.duration, turns, truth.state()[0])
 

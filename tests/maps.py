@@ -7,7 +7,7 @@ import numpy as np
 import orbits
 from orbits.elements import state_from_elements
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
 
 KM = 149597870.7
@@ -43,7 +43,7 @@ def among_planets(orbits_of=EVERYWHERE):
 
 
 def marcher(method, gm, q, v, h, **options):
-    return Marcher(newtonian, method, parameters(gm[gm > 0]), gm > 0, q, v, h, **options)
+    return Leg.of(newtonian, method, parameters(gm[gm > 0]), gm > 0, q, v, h, **options)
 
 
 def marched(method, gm, q, v, h, steps, **options):
@@ -68,7 +68,7 @@ def solar_system(count=9):
 
 def energies(method, start, h, steps):
     """The energy at 40 times of a run, and at its end."""
-    run = Marcher(newtonian, method, parameters(start.gm), start.gm > 0, start.q, start.v, h)
+    run = Leg.of(newtonian, method, parameters(start.gm), start.gm > 0, start.q, start.v, h)
     found = []
     for _ in range(40):
         found.append(newtonian_energy(start.gm, *run.state()))

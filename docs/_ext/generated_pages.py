@@ -11,6 +11,7 @@ import inspect
 from pathlib import Path
 
 from house_docstrings import indented, to_rst
+from markdown_pages import api_pages
 from public_names import DOCS, Entry, documented
 from repository_links import COPIED, rewritten
 from sphinx.application import Sphinx
@@ -29,11 +30,6 @@ def pages() -> dict[str, str]:
         text = (DOCS.parent / source).read_text(encoding="utf-8")
         made[name] = rewritten(text, (DOCS.parent / source).parent, GENERATED)
     return made
-
-
-def api_pages() -> list[str]:
-    """Return the modules that have a page of the API reference."""
-    return sorted({entry.page for entry in documented()})
 
 
 def api_page(module: str, entries: list[Entry]) -> str:

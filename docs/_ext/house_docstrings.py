@@ -93,12 +93,18 @@ def definition(part: list[str], link: Link) -> list[str]:
     if any(COLUMNS.search(line.strip()) for line in part[1:]):
         names, first = part[0].split(" : ", 1)
         return [term(names), f"    {inline(first, link)}", "", *indented(code_block(part[1:], "text"))]
-    text = " ".join(line.strip() for line in part)
     lines: list[str] = []
-    for item in NEXT_ITEM.split(text):
-        names, said = item.split(" : ", 1)
+    for names, said in items(part):
         lines += [term(names), f"    {inline(said, link)}"]
     return lines
+
+
+def items(part: list[str]) -> list[tuple[str, str]]:
+    """Return the items of a part, names and text; none if it is a paragraph."""
+    if not ITEM.match(part[0]):
+        return []
+    found = (item.split(" : ", 1) for item in NEXT_ITEM.split(" ".join(line.strip() for line in part)))
+    return [(names, said) for names, said in found]
 
 
 def term(names: str) -> str:

@@ -110,7 +110,7 @@ def imported_by_pages() -> Iterator[tuple[str, str]]:
 
 def pages_written() -> list[Path]:
     """Return the Markdown pages that people write, in alphabetic order."""
-    return sorted(page for page in DOCS.rglob("*.md") if "_generated" not in page.parts)
+    return sorted(page for page in DOCS.rglob("*.md") if not {"_generated", "api"} & set(page.parts))
 
 
 def attribute_doc(entry: Entry) -> str:

@@ -1,4 +1,7 @@
-"""Directives that show what is registered: one each for scenarios, integrators, commands, names."""
+"""Directives that show what is registered: one each for scenarios, integrators, names.
+
+In the site they take the place of the Markdown that `markdown_pages` writes for those who read the repository.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,21 @@ import sys
 from collections.abc import Iterable
 
 from docutils import nodes
-from generated_pages import api_pages, picture
+from generated_pages import picture
 from house_docstrings import to_rst
+from markdown_pages import PLACE, api_pages, cell, methods, properties
 from public_names import documented
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.scenario import bundled
+
+DIRECTIVES = {
+    "gallery": "```{scenario-gallery}\n```",
+    "integrators": "```{integrator-table}\n```\n\n```{integrator-sections}\n```",
+    "public-names": "```{public-names}\n```",
+}
 
 
 class RegistryDirective(SphinxDirective):
@@ -56,9 +65,7 @@ class IntegratorTable(RegistryDirective):
         """Return the table."""
         rows = ["| method | order | variational | declares | source | file |", "| --- | --- | --- | --- | --- | --- |"]
         for cls in methods():
-            examples = cls.examples()
-            orders = ", ".join(str(order) for order in sorted({method.order for method in examples}))
-            declares = ", ".join(sorted(set.intersection(*(set(m.declares) for m in examples)))) or "nothing"
+            orders, declares = properties(cls)
             kind = "yes" if cls.variational else "no"
             head = f"[`{cls.__name__}`](#{cls.name}) | {orders} | {kind} | {declares}"
             rows.append(f"| {head} | {cell(cls.source)} | {listing(cls, below='orbits/integrators/')} |")
@@ -82,41 +89,11 @@ class IntegratorSections(RegistryDirective):
         )
 
 
-def methods() -> list[type[Integrator]]:
-    """Return the registered integrators, the variational ones first."""
-    return sorted(registry().values(), key=lambda cls: (not cls.variational, cls.name))
-
-
 def listing(cls: type[Integrator], below: str = "") -> str:
     """Return a link to the source of the module of a method, shown as its path below a folder."""
     file = "orbits/" + inspect.getfile(cls).rpartition("/orbits/")[2]
     shown = cell(file.removeprefix(below))
     return f'<a href="_modules/{cls.__module__.replace(".", "/")}.html"><code>{shown}</code></a>'
-
-
-class CommandLine(RegistryDirective):
-    """Every command of the command line, from the help texts of the program itself."""
-
-    def markdown(self) -> list[str]:
-        """Return a section for each command."""
-        import typer
-
-        from orbits.cli import app
-
-        parts = []
-        for name, command in typer.main.get_command(app).commands.items():
-            context = command.make_context(name, [], resilient_parsing=True)
-            said, *examples = command.help.split("Example: ")
-            parts += [f"## orbits {name}", "", said.strip(), "", "```sh", *(line.strip() for line in examples), "```"]
-            parts += ["", "| | |", "| --- | --- |"]
-            for parameter in command.params:
-                form, *text = parameter.get_help_record(context) or ["", ""]
-                if parameter.param_type_name == "argument":
-                    form = parameter.metavar
-                if form and form != "--help":
-                    parts.append(f"| `{form}` | {cell(' '.join(text))} |")
-            parts.append("")
-        return ["\n".join(parts)]
 
 
 class PublicNames(RegistryDirective):
@@ -139,11 +116,9 @@ def contents(pages: Iterable[str]) -> str:
     return "\n".join(["```{toctree}", ":hidden:", "", *(f"_generated/{page}" for page in pages), "```"])
 
 
-def cell(text: str) -> str:
-    """Return text for a cell of a Markdown table."""
-    for special in "\\|*_[]<>":
-        text = text.replace(special, f"\\{special}")
-    return " ".join(text.split())
+def on_read(app: Sphinx, docname: str, content: list[str]) -> None:
+    """Show by a directive what stands in the page as Markdown, where the site has more to show."""
+    content[0] = PLACE.sub(lambda found: DIRECTIVES.get(found[1], found[0]), content[0])
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
@@ -151,6 +126,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("scenario-gallery", ScenarioGallery)
     app.add_directive("integrator-table", IntegratorTable)
     app.add_directive("integrator-sections", IntegratorSections)
-    app.add_directive("command-line", CommandLine)
     app.add_directive("public-names", PublicNames)
+    app.connect("source-read", on_read)
     return {"parallel_read_safe": True}

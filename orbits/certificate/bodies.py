@@ -16,7 +16,7 @@ from orbits.certificate.measuring import EPS, STEPS, Measured, Problem
 from orbits.diagnostics.tangent import plain_step
 from orbits.integrators.collocation.transformed_bodies import ENERGY, KNOWN
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 if TYPE_CHECKING:
     from orbits.system.model import Model
@@ -45,7 +45,7 @@ def step_of_bodies(problem: Problem, acting: Model) -> Measured:
     return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies against plain solutions")
 
 
-def steps_in_transformed_time(problem: Problem, marcher: Marcher) -> Measured:
+def steps_in_transformed_time(problem: Problem, marcher: Leg) -> Measured:
     """Compare steps of a march of bodies in transformed time, and the time that they take, with plain solutions for its
     Lagrangian; in units of 2^-53 of the state.
 
@@ -120,9 +120,9 @@ def _marched(problem: Problem, acting: Model, q: Array, v: Array, t: float, step
     return x.ravel(), w.ravel()
 
 
-def _marcher(problem: Problem, acting: Model, q: Array, v: Array, t: float) -> Marcher:
+def _marcher(problem: Problem, acting: Model, q: Array, v: Array, t: float) -> Leg:
     lagrangian: Lagrangian = acting.lagrangian
     massive = np.ones(len(q) // 3, dtype=bool)
     x, w = q.reshape(-1, 3), v.reshape(-1, 3)
     options = {"forces": acting.forces, "start": t}
-    return Marcher(lagrangian, problem.integrator, acting.vectors, massive, x, w, problem.dt, **options)  # type: ignore[arg-type]
+    return Leg.of(lagrangian, problem.integrator, acting.vectors, massive, x, w, problem.dt, **options)

@@ -140,13 +140,13 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
 def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTransformed) -> Certificate:
     from orbits.certificate.bodies import steps_in_transformed_time
     from orbits.lagrangians.bodies_in_transformed_time import bodies_in_transformed_time
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.leg import Leg
     from orbits.system.model import lagrangian_of, model
 
     values, massive = system.values, np.flatnonzero(system.massive)
     acting = model(system, massive)
     # What cannot be marched in transformed time is refused here.
-    marcher = Marcher(
+    marcher = Leg.of(
         acting.lagrangian,
         integrator,
         acting.vectors,
@@ -156,7 +156,7 @@ def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTran
         clock,
         forces=acting.forces,
     )
-    clock.check_bodies(marcher.parameters, values.q, values.v, system.names)
+    clock.check_bodies(marcher.problem.strength, values.q, values.v, system.names)
     q, v = values.q.ravel(), values.v.ravel()
     newton = lagrangian_of(system)
     transformed = bodies_in_transformed_time(values.gm, newton.energy(q, v), values.softening)

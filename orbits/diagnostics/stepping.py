@@ -19,7 +19,7 @@ from orbits.errors import InputError
 if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
     from orbits.lagrangians.terms.base import Summand
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.leg import Leg
 
 
 MOST_STEPS = 10**9
@@ -56,11 +56,11 @@ class Bodies:
         """Which bodies have a mass, (n,)."""
         return self.gm > 0.0
 
-    def marcher(self, integrator: Integrator, dt: float) -> Marcher:
+    def marcher(self, integrator: Integrator, dt: float) -> Leg:
         """Bind the bodies to a method. Raises InputError for a step or a method that cannot be used."""
         from orbits.integrators import named, registry
         from orbits.lagrangians.newtonian import n_body, newtonian, parameters
-        from orbits.marching.marcher import Marcher
+        from orbits.marching.legs.leg import Leg
 
         integrator = named(integrator)
         step = nonzero_number(dt, "dt")
@@ -69,10 +69,10 @@ class Bodies:
             lagrangian = n_body(self.gm[self.massive], self.softening, self.terms)
             values = lagrangian.parameter_vector
         integrator.check(lagrangian, registry())
-        return Marcher(lagrangian, integrator, values, self.massive, self.q, self.v, step)
+        return Leg.of(lagrangian, integrator, values, self.massive, self.q, self.v, step)
 
 
-def turned(marcher: Marcher) -> None:
+def turned(marcher: Leg) -> None:
     """Flip all velocities of a marcher, low parts included, and clear what it carries from earlier steps."""
     checkpoint: dict[str, Floats] = {name: np.asarray(x) for name, x in marcher.checkpoint(seen=True).items()}
     for name in ("v", "v_lo", "particle_v", "particle_v_lo"):

@@ -29,7 +29,7 @@ from orbits.errors import (
     shown,
 )
 from orbits.finding import SHOWN, Finding
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.marchers import BITS_DEPEND_ON, differences, provenance
 

@@ -86,6 +86,11 @@ class Form:
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:
         """Raise InputError if bodies in this state cannot be marched; q, v : (n, 3), with the vector of parameters."""
 
+    @staticmethod
+    def held(parameters: Any) -> int:
+        """Return how many of the massive bodies move as they are given; parameters : the vectors of the Lagrangian."""
+        return 0
+
     @property
     def is_dense(self) -> bool:
         """Whether the carry after a step defines the motion within it: then the form has the kernels `dense` and

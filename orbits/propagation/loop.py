@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from astropy import units as u
@@ -27,9 +27,9 @@ from orbits.errors import (
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.constant import Place
-from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.legs import within_step
+from orbits.marching.legs.march import March
 from orbits.marching.watching.watcher import ENERGY
-from orbits.propagation.chain_of_legs import ChangingMarch, March, of_this_leg
 from orbits.propagation.checks import kepler_splitting, unresolved_passages
 from orbits.propagation.checks.precision import energy_lost
 from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
@@ -42,7 +42,7 @@ from orbits.propagation.events.base import Found, Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches
 from orbits.propagation.events.seeking import Seeking
-from orbits.propagation.results.passages_seen import Record, observed_until
+from orbits.propagation.results.passages_seen import observed_until
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore
 from orbits.system import System
@@ -54,6 +54,7 @@ from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
+    from orbits.propagation.chain_of_legs import ChangingMarch
     from orbits.propagation.resuming.step_store import StepStore
 
 Array = NDArray[np.float64]
@@ -85,7 +86,7 @@ class RunEnds:
 
     def ended(self, system: System, marcher: March) -> bool:
         """Return whether a condition that ends the run holds, and note it."""
-        if isinstance(marcher, ChangingMarch) and marcher.ended is not None:
+        if marcher.ended is not None:
             row, bodies = marcher.ended
             names = " and ".join(system.names[int(k)] for k in row[[BODY, OTHER]])
             event = self.events.event_of(int(row[NUMBER]))
@@ -110,13 +111,13 @@ class RunEnds:
         if not isinstance(then, str):
             try:
                 changed = then.act(happening)
-                if changed is not None and isinstance(marcher, ChangingMarch):
-                    marcher.change(happening.kind, found.time, *state, happening.system, changed)
+                if changed is not None:
+                    cast("ChangingMarch", marcher).change(happening.kind, found.time, *state, happening.system, changed)
             except Exception:
                 self.events.log.drop_from(found.time)  # a run that is resumed acts there
                 raise
-            if changed is not None and isinstance(marcher, ChangingMarch):
-                self.events.follow(marcher.now)
+            if changed is not None:
+                self.events.follow(cast("ChangingMarch", marcher).now)
             return False
         self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
         self.end_at(system, marcher, happening, found.time, state)
@@ -132,22 +133,22 @@ class RunEnds:
 
     def after(self, marcher: March) -> Found | None:
         """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
-        if isinstance(marcher, ChangingMarch) and self.events.touching:
-            return marcher.found  # it seeks them itself, from collision to collision
-        return self.events.after(of_this_leg(marcher))
+        if self.events.touching:
+            return cast("Found | None", marcher.found)  # it seeks them itself, from collision to collision
+        return self.events.after(marcher.current)
 
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
-        if isinstance(marcher, ChangingMarch):
-            return self.events.before_in(marcher.steps_beyond(time), time)
+        if self.events.touching or self.events.act:
+            return self.events.before_in(cast("ChangingMarch", marcher).steps_beyond(time), time)
         found = None
         if self.events.stops is not None:
             found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))
-        return found or self.events.ahead(marcher, time)
+        return found or self.events.ahead(marcher.current, time)
 
     def at_a_bound(self, marcher: March, sample: Sample) -> Found | None:
         """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
-        return None if isinstance(marcher, ChangingMarch) else self.events.before_sample(marcher, sample)
+        return self.events.before_sample(marcher.current, sample)
 
     def note(
         self,
@@ -260,8 +261,8 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
                 failure = error
         statistics = Statistics(
             steps=marcher.step,
-            evaluations=marcher.evaluations,
-            particle_evaluations=marcher.particle_evaluations,
+            evaluations=marcher.home.stepper.evaluations,
+            particle_evaluations=marcher.home.stepper.particle_evaluations,
             wall_time=time.perf_counter() - compiled,
             compile_time=compiled - begun,
         )
@@ -280,13 +281,14 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     trajectory.span = 0.0, _reached(marcher, grid, complete, watch)
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
-    if isinstance(marcher, LeavingMarcher):
-        trajectory._excursions = Excursions.of(system, grid.clock, *marcher.excursions())
-    trajectory.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
-    if isinstance(marcher, ChangingMarch) and marcher.changed:
+    excursions = marcher.excursions()
+    if excursions is not None:
+        trajectory._excursions = Excursions.of(system, grid.clock, *excursions)
+    trajectory.changes = marcher.changes()
+    if marcher.changed:
         trajectory.kept = None  # steps are of the bodies of the start
     else:
-        trajectory.record = Record.of(of_this_leg(marcher), observed_until(trajectory))
+        trajectory.record = marcher.current.record(observed_until(trajectory))
     yield None
     try:
         with StopRequest() as late:
@@ -357,7 +359,7 @@ class _Particles:
         self, system: System, integrator: Integrator, marcher: March, grid: TimeGrid, watch: RunEnds
     ) -> None:
         begun = watch.before or Sample(0.0, system.values.q, system.values.v)
-        self._system, self._watch, self._marcher = system, watch, of_this_leg(marcher)
+        self._system, self._watch, self._marcher = system, watch, marcher.current
         self._followed = ParticleSearches(system, integrator, grid.clock, watch.events, begun)
         self._clock, self._kept = grid.clock, self._now()
 
@@ -527,18 +529,20 @@ def _sample(
                 return False
         if store.full and index + 1 < len(grid.goals):  # the last one is committed with the end of the run
             store.commit(marcher)
-    while (found := watch.events.before(of_this_leg(marcher), grid.end, record=True)) is not None:
+    while (found := watch.events.before(marcher.current, grid.end, record=True)) is not None:
         if watch.interrupted(system, marcher, found):
             return False
     if marcher.clock.changes and watch.conditions.energy < np.inf:
         with suppress(IntegrationError):
-            end = of_this_leg(marcher).ended_at(grid.end)  # the last step of the march leads beyond the run
+            # The last step of the march leads beyond the run.
+            end = within_step.ended_at(marcher.current.home, grid.end)
             if end.met == ENERGY:
                 watch.note(system, marcher, end.time, end.state(), *watch.conditions.exceeded())
     return True
 
 
 def _moved(system: System, marcher: March, t: float, q: Array, v: Array) -> System:
-    if isinstance(marcher, ChangingMarch):
-        return at_time(system, marcher.changes(), q, v, t)
+    changes = marcher.changes()
+    if changes is not None:
+        return at_time(system, changes, q, v, t)
     return moved(system, q, v, t, absent(q, v, system.massive))

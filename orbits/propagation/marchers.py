@@ -22,8 +22,9 @@ from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.compile.source_hash import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Clock, clock_of
-from orbits.marching.marcher import Marcher, available_threads
-from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.legs.leg import Leg, available_threads
+from orbits.marching.legs.planet_excursions import Legs, PlanetExcursions
+from orbits.marching.legs.problem import Problem
 from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.resuming.sample_store import ACCOUNTS, Resumable
@@ -61,7 +62,7 @@ def bound(
     underway: bool = False,
     stops: NDArray[np.float64] | None = None,
     approaches: bool | None = None,
-) -> Marcher:
+) -> Legs:
     """Return `system` bound to `integrator` and a clock, with massive bodies and massless particles separated.
 
     state : q and v, (n, 3) floats, if the march begins in another state than that of the system
@@ -69,7 +70,7 @@ def bound(
     radii : (n,), if it ends where two bodies may come closer than the sum of theirs
     dense : whether the motion within its steps is recorded, block by block
     underway : whether the state is one of a run that is over, which decided which particles are retired in encounters
-    stops : the pairs for which it stops; see `Marcher`
+    stops : the pairs for which it stops; see `Leg`
     approaches : as in `propagate`
 
     Raises InputError if the integrator does not support the terms and forces of the system.
@@ -100,7 +101,7 @@ def bound(
             term.check_start(system)
         massive = system.massive
         names = list(compress(system.names, massive))
-        marcher.clock.check_bodies(marcher.parameters, bodies.q[massive], bodies.v[massive], names)
+        marcher.clock.check_bodies(marcher.problem.strength, bodies.q[massive], bodies.v[massive], names)
     return marcher
 
 
@@ -111,9 +112,9 @@ def march_of(
     acting: Model | None = None,
     approaches: bool | None = None,
     **options: Any,
-) -> Marcher:
+) -> Legs:
     """Return bodies bound to a method and a clock or a step, with `retire` set: a massless particle that cannot be
-    stepped is retired alone. The options are those of `Marcher`.
+    stepped is retired alone. The options are those of `Leg`.
 
     acting : the model of these bodies, from `orbits.system.model.model`; None for Newton's gravity alone
     approaches : whether closest approaches are recorded; None for what the method does by default
@@ -121,9 +122,11 @@ def march_of(
     gm, q, v, softening = bodies
     massive = bodies.massive
     lagrangian, vectors, forces = acting or Model(newtonian, parameters(gm[massive], softening), ())
-    kind = LeavingMarcher if integrator.follows_meetings else Marcher
     options["approaches"] = integrator.looks_for_approaches if approaches is None else approaches
-    return kind(lagrangian, integrator, vectors, massive, q, v, clock, retire=True, forces=forces, **options)
+    problem = Problem(
+        lagrangian, integrator, vectors, massive, clock_of(clock), retire=True, forces=forces, **options
+    )
+    return PlanetExcursions(problem, q, v) if integrator.follows_meetings else Leg(problem, q, v)
 
 
 def looks_for_approaches(asked: bool | None, integrator: Integrator, system: System) -> bool:

@@ -16,7 +16,6 @@ from orbits.errors import ArchiveError, InputError, shown
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.propagation.chain_of_legs import ChangingMarch, march_of_run, of_this_leg
 from orbits.propagation.checks.before_the_start import check_before_start, check_bodies, check_span
 from orbits.propagation.checks.precision import check_length
 from orbits.propagation.checks.rigid_runs import check_rigid, default_method, is_rigid
@@ -26,6 +25,7 @@ from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Callback, Run, RunEnds, march
+from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import differences, provenance
 from orbits.propagation.results.error_estimate import error_bars
 from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
@@ -330,7 +330,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
         )
     if dense and archive is None:
         check_memory(system, integrator, grid)
-    steps = StepStore(of_this_leg(marcher), in_memory=archive is None) if dense else None
+    steps = StepStore(marcher.current, in_memory=archive is None) if dense else None
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
@@ -358,7 +358,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             events=seeking.described(),
             steps=room_for_steps(system, integrator, grid) if dense else 0,
             origin=how.origin,
-            approaches=of_this_leg(marcher).looks_for_approaches,
+            approaches=marcher.current.problem.approaches,
             overwrite=how.overwrite,
         )
 
@@ -466,8 +466,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         check_span(system, grid)
         place = old.checkpoint(), old.committed
         marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)
-        changed_before = isinstance(marcher, ChangingMarch) and marcher.changed
-        steps = None if changed_before else continued(old, of_this_leg(marcher))
+        steps = None if marcher.changed else continued(old, marcher.current)
     except BaseException:
         old.close()
         raise

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from concurrent.futures import wait
 
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 from orbits.marching.stepping.pool import Pool
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.loop import Marching

@@ -18,7 +18,7 @@ from orbits.archive.creation import check_target
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, shown
 from orbits.finding import SHOWN, Finding, kind_of
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 from orbits.propagation.control.heartbeat import Pulse
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest

@@ -19,7 +19,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 from orbits.point_masses import PointMasses
 from orbits.propagation.run import propagated
 from orbits.regression import peers

@@ -15,7 +15,7 @@ from orbits.checks import finite_number, finite_numbers, is_whole, number_not_be
 from orbits.errors import InputError, SingularityError, StepWarning, shown
 from orbits.finding import Finding
 from orbits.kernels.rotation.planar_spins import TOGETHER, march_spins, march_tangents
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 from orbits.marching.stepping.pool import Pool
 from orbits.spin_orbit.libration import Libration, locked
 from orbits.spin_orbit.orbit_table import SCHEMES, error_of_tides, means_of_tides, orbit_table

@@ -48,7 +48,7 @@ class Bodies(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Leg:
+class Legs:
     """A part of a run in which bodies, masses and radii stay the same.
 
     time : since the epoch, at which it begins
@@ -143,17 +143,17 @@ class Changes:
                 kept[part] = now
         return all_of_them
 
-    def legs(self) -> tuple[Leg, ...]:
+    def legs(self) -> tuple[Legs, ...]:
         """Return the legs of the run; the first begins at its start."""
         units, system = self._system.units, self._system
-        legs: list[Leg] = []
+        legs: list[Legs] = []
         counts = self.before(np.unique(self.rows[:, TIME] * self._direction) * self._direction)
         for count in [0, *counts.tolist()]:
             present, gm, radii = self.bodies_after(count)
             names = tuple(name for name, there in zip(system.names, present, strict=True) if there)
             sizes = None if system.radii is None else u.Quantity(radii[present], units.length)
             time = u.Quantity(self.rows[count - 1, TIME] if count else 0.0, units.time)
-            leg = Leg(time, names, u.Quantity(gm[present], units.gm), sizes)
+            leg = Legs(time, names, u.Quantity(gm[present], units.gm), sizes)
             if not legs or not _same(leg, legs[-1]):
                 legs.append(leg)
         return tuple(legs)
@@ -162,7 +162,7 @@ class Changes:
         return f"Changes({len(self.rows):,} of bodies; see run.events and run.legs)"
 
 
-def _same(one: Leg, other: Leg) -> bool:
+def _same(one: Legs, other: Legs) -> bool:
     """Return whether two legs have the same bodies with the same masses and radii."""
     if one.names != other.names or np.any(one.gm != other.gm):
         return False

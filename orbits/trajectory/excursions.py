@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from orbits.checks import place_in
 from orbits.errors import ArchiveError
 from orbits.export import MOST_ROWS, headed, html_table, text_table
-from orbits.marching.planet_excursions import (
+from orbits.marching.legs.planet_encounters import NOBODY
+from orbits.marching.legs.planet_excursions import (
     BODY,
     COUNTS,
     EXCURSIONS,
     LEFT,
-    NOBODY,
     NOT_YET,
     OTHER_BODY,
     RETURNED,
@@ -71,7 +71,7 @@ class Excursions(Sequence[Excursion]):
 
     @classmethod
     def of(cls, system: System, clock: Clock, rows: NDArray[np.int64], count: int) -> Excursions:
-        """Return excursions from rows as `LeavingMarcher.excursions` has them, and their number."""
+        """Return excursions from rows as `PlanetExcursions.excursions` has them, and their number."""
         unit, found = system.units.time, []
         for row in rows.tolist():
             names = tuple(system.names[k] for k in (row[BODY], row[OTHER_BODY]) if k != NOBODY)

@@ -27,7 +27,7 @@ from orbits.system.presenting import NANOSECONDS, labelled_run, span
 from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import changes_of, identity_of, made_by
 from orbits.trajectory.attitudes import Attitudes
-from orbits.trajectory.changes import Changes, Leg, at_time, no_changes
+from orbits.trajectory.changes import Changes, Legs, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.excursions import Excursions
@@ -43,10 +43,10 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.certificate import Certificate
     from orbits.integrators.base import Integrator
+    from orbits.marching.legs.record import Record
     from orbits.marching.stepping.kept_steps import KeptSteps
     from orbits.propagation.control.stop_conditions import Stop
     from orbits.propagation.results.error_bars import ErrorBars
-    from orbits.propagation.results.passages_seen import Record
     from orbits.trajectory.again import MarchesAgain
 
 Array = NDArray[np.float64]
@@ -272,7 +272,7 @@ class Trajectory(MarchedAgain, Conservation, Spins, Attitudes, Tabular):
         return self._excursions
 
     @property
-    def legs(self) -> tuple[Leg, ...]:
+    def legs(self) -> tuple[Legs, ...]:
         """The parts of the run in which bodies, masses and radii stay the same: each with its time, names, GM, radii.
 
         A run in which no bodies merge, and no event changes masses or radii, has one.

@@ -19,7 +19,7 @@ from benchmarks.problems import ten_bodies_data
 from benchmarks.references import rotated, rotations
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 Array = NDArray[np.float64]
 
@@ -248,10 +248,10 @@ def ours(problem: Problem, q: Array, v: Array, tolerance: float | None) -> tuple
     return seconds, end
 
 
-def _march(problem: Problem, q: Array, v: Array, tolerance: float | None) -> Marcher:
+def _march(problem: Problem, q: Array, v: Array, tolerance: float | None) -> Leg:
     massive, clock = problem.gm > 0.0, orbits.Adaptive(tolerance)
     gauss = orbits.Gauss(stages=8)
-    march = Marcher(newtonian, gauss, parameters(problem.gm[massive]), massive, q, v, clock, retire=True)
+    march = Leg.of(newtonian, gauss, parameters(problem.gm[massive]), massive, q, v, clock, retire=True)
     march.compile()
     return march
 

@@ -12,13 +12,13 @@ import numpy as np
 import orbits
 from benchmarks.problems import AU_KM, YEAR, belt, cluster, heyoka, ours, rebound, ten_bodies_data
 from benchmarks.references import ends, errors, rotated, rotations
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 
 
 def part_ten_bodies(repetitions: int) -> dict[str, Any]:
     """Sun, planets and Pluto, Newtonian point masses, over 1,000 years: time, and RMS position error over rotated
     initial states, each compared with the solution for exactly its rounded floats. The deviation of the model from the
-    real Solar System is [another matter](library.md#the-model).
+    real Solar System is [another matter](model.md#newtonian-point-masses).
     """
     gm, q, v, reference = ten_bodies_data()
     span = 1000 * YEAR

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import orbits
 from orbits.elements import state_from_elements
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.point_masses import PointMasses
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ def _start() -> tuple[Array, Array, Array]:
 
 def _ours(name: str, gm: Array, q: Array, v: Array, h: float, years: tuple[int, ...]) -> Any:
     method, massive = orbits.WisdomHolman(encounters="follow"), gm > 0.0
-    march = Marcher(newtonian, method, parameters(gm[massive]), massive, q, v, h, retire=True)
+    march = Leg.of(newtonian, method, parameters(gm[massive]), massive, q, v, h, retire=True)
     for count in years:
         march.advance(round(count * YEAR / h) - march.step)
         yield count, *march.state()

@@ -11,7 +11,7 @@ import orbits
 from benchmarks.native import Native, how_built, planets
 from benchmarks.planets import NATIVE, OURS, THEIRS, H
 from benchmarks.problems import belt, marcher
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 
 CHUNKS = 10
 """How many times steps are timed for each repetition: the least is taken, of many short times."""

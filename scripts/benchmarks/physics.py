@@ -17,7 +17,7 @@ from orbits.kernels.binding import accelerate, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity.terms_and_forces import add_terms
 from orbits.kernels.lanes import WIDTH, full, load, store
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.marching.stepping.alignment import aligned
 from orbits.system.model import model
 from orbits.system.solar.building import APART
@@ -76,9 +76,9 @@ def _twelve() -> orbits.System:
     return orbits.System(names=[*APART, "Ceres"], gm=gm, q=q, v=v, units=every.units)
 
 
-def _marcher(system: orbits.System, method: Any) -> Marcher:
+def _marcher(system: orbits.System, method: Any) -> Leg:
     acting, values = model(system), system.values
-    made = Marcher(acting.lagrangian, method, acting.vectors, system.massive, values.q, values.v, H)
+    made = Leg.of(acting.lagrangian, method, acting.vectors, system.massive, values.q, values.v, H)
     made.compile()
     return made
 
@@ -110,9 +110,9 @@ def _forces(system: orbits.System, repetitions: int) -> list[dict[str, Any]]:
     for _ in range(CHUNKS * repetitions):
         for name, run in marches.items():
             least[name, "force"] = min(least[name, "force"], _timed(evaluate[name], FORCES) / FORCES)
-            before = run.evaluations
+            before = run.stepper.counts()[0]
             seconds = _timed(run.advance, STEPS)
-            sweeps[name].append(run.evaluations - before)
+            sweeps[name].append(run.stepper.counts()[0] - before)
             least[name, "march"] = min(least[name, "march"], seconds / sweeps[name][-1])
     for run in marches.values():
         run.close()

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.references import Exact, exact
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.point_masses import PointMasses
 from orbits.regression import peers
 from orbits.resources import data_path
@@ -32,10 +32,10 @@ def ten_bodies_data() -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, Exa
 
 def marcher(
     method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: Clock | float, threads: int = 1
-) -> Marcher:
+) -> Leg:
     """A system of floats bound to a method."""
     massive = gm > 0
-    return Marcher(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads)
+    return Leg.of(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads)
 
 
 def ours(

@@ -221,7 +221,7 @@ def part_calls(repetitions: int) -> dict[str, Any]:
         run = marcher(method, system.values.gm, system.values.q, system.values.v, 6.0)
         state = [run.checkpoint()[name] for name in ("q", "q_lo", "v", "v_lo", "memory")]
         form, clock = method.second_order, ConstantSteps(6.0)
-        bound = (form.tag, form.coefficients(6.0, 6.0), run.lagrangian.tag, run.parameters)
+        bound = (form.tag, form.coefficients(6.0, 6.0), *run.problem.acting)
         fixed = (*bound, clock.timing, clock.numbers(0.0, 0), np.zeros(0))
         scratch, stages = np.zeros(form.scratch_shape(30)), np.zeros((1, *form.stages_shape(30)))
         begun = time.perf_counter()

@@ -8,7 +8,7 @@ from orbits.elements import two_body
 from orbits.errors import ConvergenceError
 from orbits.integrators import registry
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 from ..problems import kepler
 
@@ -21,7 +21,7 @@ def methods():
 
 def marcher(method, gm, q, v, h, *, threads=1):
     massive = gm > 0
-    return Marcher(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads)
+    return Leg.of(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads)
 
 
 def march(method, gm, q, v, h, steps):

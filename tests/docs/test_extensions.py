@@ -13,6 +13,7 @@ from docutils.core import publish_doctree
 from house_docstrings import to_rst
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from markdown_pages import API, markdown, pages
 from public_names import documented
 from repository_links import DOCS, ROOT, rewritten
 from unicode_formulas import typeset
@@ -104,3 +105,21 @@ def test_links_out_of_the_folder_lead_to_the_copies_in_the_site() -> None:
     expected = "[a](_generated/contributing.md#style) [b](theory.md) [c](https://e.org/CHANGELOG.md) [d](#here)"
     assert rewritten(text, DOCS, DOCS) == expected
     assert rewritten("[a](docs/theory.md)", ROOT, DOCS / "_generated") == "[a](../theory.md)"
+
+
+def test_pages_that_are_made_from_the_package_are_up_to_date() -> None:
+    """If this fails: python docs/_ext/markdown_pages.py."""
+    made = pages()
+    stale = [path.name for path, text in made.items() if path.read_text(encoding="utf-8") != text]
+    assert stale == []
+    assert {path for path in made if path.parent == API} == set(API.glob("*.md"))
+
+
+def test_a_docstring_becomes_markdown() -> None:
+    assert markdown(DOCSTRING) == [
+        r"Do it: q_k \<- \|q\|\*2.", "",
+        "```py", "x = f(1)", "```", "",
+        "- `q, v`: (d,) positions", "- `t`: time, of `q` too and a second line", "",
+        "- `gm or mass`: 0 by default", "",
+        "Raises `Error`s:", "",
+    ]  # fmt: skip

@@ -90,11 +90,11 @@ def test_many_damaged_cache_files_cost_a_compilation_each_and_nothing_else(tmp_p
 
 RUN = """
 import numpy as np
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.lagrangians.newtonian import newtonian, parameters
 q, v = np.array([[0.0, 0, 0], [1.0, 0, 0]]), np.array([[0.0, 0, 0], [0, 1.0, 0]])
-run = Marcher(newtonian, StormerVerlet(), parameters(np.array([1.0, 1e-3])), np.array([True, True]), q, v, 0.01)
+run = Leg.of(newtonian, StormerVerlet(), parameters(np.array([1.0, 1e-3])), np.array([True, True]), q, v, 0.01)
 run.advance(10)
 print(float(run.state()[0][1, 0]).hex())
 """

@@ -26,7 +26,7 @@ path, number, moment = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
 owner, name = {
     "before the file exists": (creation.Storage, "resize"),
     "before it has its name": (writer, "take_name"),
-    "before the kernels are ready": (marchers.Marcher, "compile"),
+    "before the kernels are ready": (marchers.Leg, "compile"),
     "in the middle": (sample_store.SampleStore, "add"),
 }[moment]
 real = getattr(owner, name)

@@ -5,7 +5,7 @@ from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.terms.frame_dragging import frame_dragging
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 DEFAULT, GAUSS = orbits.WisdomHolman(), orbits.Gauss(stages=8)
 POLE = (0.36, 0.48, 0.8)
@@ -24,7 +24,7 @@ STRONG = {
 def marcher(method, terms, start, h, **options):
     gm, q, v = start
     L = n_body(gm[gm > 0], 0.0, terms)
-    return Marcher(L, method, L.parameter_vector, gm > 0, q, v, h, **options)
+    return Leg.of(L, method, L.parameter_vector, gm > 0, q, v, h, **options)
 
 
 def marched(method, terms, start, h, steps, **options):

@@ -12,7 +12,7 @@ from orbits.elements import state_from_elements, two_body
 from orbits.errors import InputError, StepWarning
 from orbits.integrators import parse
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 from ..contracts.problems import march
 from ..maps import BOUNDS, EVERYWHERE, KM, REACHED, among_planets, energies, solar_system, system
@@ -174,7 +174,7 @@ def test_the_motion_back_ends_where_it_began():
 
 def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_of_the_bodies():
     gm, q, v = among_planets((list(EVERYWHERE) * 5)[:37])
-    run = Marcher(newtonian, METHOD, parameters(gm[gm > 0]), gm > 0, q, v, 3.0, threads=3)
+    run = Leg.of(newtonian, METHOD, parameters(gm[gm > 0]), gm > 0, q, v, 3.0, threads=3)
     run.advance(50)
     x, w = run.state()
     massive, _ = march(METHOD, gm[:9], q[:9], v[:9], 3.0, 50)
@@ -182,7 +182,7 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
     order = np.random.default_rng(1).permutation(len(gm))
     masses = gm[order]
     strength = parameters(masses[masses > 0])
-    other = [Marcher(newtonian, METHOD, strength, masses > 0, q[order], v[order], 3.0) for _ in range(2)]
+    other = [Leg.of(newtonian, METHOD, strength, masses > 0, q[order], v[order], 3.0) for _ in range(2)]
     other[0].block = 7
     other[0].advance(20)
     other[0].state_after(1.7)

@@ -7,7 +7,7 @@ import orbits
 from orbits.kernels.search.record import DISTANCE2, DOMINANT, OTHER, PARTNER, SPEED2, TIME
 from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.marching.watching.watcher import ENERGY, SUSPECT
 
 from ..problems import belt
@@ -18,12 +18,12 @@ GAUSS = orbits.Gauss(stages=8)
 def marcher(gm, q, v, h, method=GAUSS, **options):
     gm = np.asarray(gm, dtype=float)
     massive = gm > 0
-    return Marcher(newtonian, method, parameters(gm[massive], 0.0), massive, np.array(q), np.array(v), h, **options)
+    return Leg.of(newtonian, method, parameters(gm[massive], 0.0), massive, np.array(q), np.array(v), h, **options)
 
 
 def approaches(run):
     """(4, 2, rows): distance, time, speed and partner, with rows in the kernels' order."""
-    out = run.checkpoint()["approaches"][:, :, : len(run._massive) + len(run._particles)].copy()
+    out = run.checkpoint()["approaches"][:, :, : len(run.problem.massive)].copy()
     out[DISTANCE2], out[SPEED2] = np.sqrt(out[DISTANCE2]), np.sqrt(out[SPEED2])
     out[TIME] *= run.clock.h
     return out

@@ -12,7 +12,7 @@ from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Place
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 FOLLOW, WARN = orbits.WisdomHolman(encounters="follow"), orbits.WisdomHolman(encounters="warn")
 GAUSS = orbits.Gauss(stages=8)
@@ -44,7 +44,7 @@ PLUNGER = (2.5, 0.96, 2.0)
 
 def marcher(method, gm, q, v, h, **options):
     massive = gm > 0
-    return Marcher(newtonian, method, parameters(gm[massive]), massive, q, v, h, retire=True, **options)
+    return Leg.of(newtonian, method, parameters(gm[massive]), massive, q, v, h, retire=True, **options)
 
 
 def marched(method, gm, q, v, h, steps, **options):
@@ -56,7 +56,7 @@ def marched(method, gm, q, v, h, steps, **options):
 def exactly(gm, q, v, time):
     """Where steps chosen one by one lead."""
     clock = Adaptive().towards(np.sign(time))
-    run = Marcher(newtonian, GAUSS, parameters(gm[gm > 0]), gm > 0, q, v, clock, retire=True)
+    run = Leg.of(newtonian, GAUSS, parameters(gm[gm > 0]), gm > 0, q, v, clock, retire=True)
     place = Place(0, time)
     run.advance_to(place)
     return run.state_at(place)[0]
@@ -81,7 +81,7 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_
     for count in (20, 37, 93, 100):
         other.advance(count)
         other.state_after(0.3 * h)
-        away |= set(np.flatnonzero(other._state["particle_memory"][:, 0, NUMBER] == ELSEWHERE))
+        away |= set(np.flatnonzero(other.stepper.state["particle_memory"][:, 0, NUMBER] == ELSEWHERE))
         saved = other.checkpoint()
         other = marcher(FOLLOW, gm[order], q[order], v[order], h)
         other.restore(saved)

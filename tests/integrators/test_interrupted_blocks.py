@@ -18,7 +18,7 @@ def test_a_march_that_was_interrupted_goes_on_to_the_same_bits(threads):
 
     run = marcher(orbits.Gauss(stages=4), *start, 0.15, threads=threads)
     run.block = 10
-    march, calls = run._loops.march, []
+    march, calls = run.stepper.loops.march, []
 
     def interrupted(*arguments):
         calls.append(march(*arguments))
@@ -26,13 +26,13 @@ def test_a_march_that_was_interrupted_goes_on_to_the_same_bits(threads):
             raise KeyboardInterrupt
         return calls[-1]
 
-    run._loops.march = interrupted
+    run.stepper.loops.march = interrupted
     with pytest.raises(KeyboardInterrupt):
         run.advance(40)
     assert run.step == 20
     run.advance(20)
     for a, b in zip(whole.state(), run.state(), strict=True):
         assert np.array_equal(a, b)
-    assert whole.evaluations == run.evaluations
+    assert whole.stepper.counts() == run.stepper.counts()
     whole.close()
     run.close()

@@ -7,7 +7,7 @@ import orbits
 from orbits.elements import state_from_elements
 from orbits.kernels.search.record import MATE, ROW, STEP
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 METHODS = {
     "map": (orbits.WisdomHolman(kernel="standard", corrector=0), 0.1),
@@ -35,7 +35,7 @@ def test_every_passage_of_particles_within_the_reach_of_a_planet_is_listed(name,
     for seed in range(6):
         gm, q, v = around_a_planet(np.random.default_rng(seed))
         march, whole = (
-            Marcher(newtonian, method, parameters(gm[:2]), gm > 0, q, v, h, approaches=looks) for _ in range(2)
+            Leg.of(newtonian, method, parameters(gm[:2]), gm > 0, q, v, h, approaches=looks) for _ in range(2)
         )
         steps = round(6.0 / h)
         states = [march.state()]
@@ -43,12 +43,12 @@ def test_every_passage_of_particles_within_the_reach_of_a_planet_is_listed(name,
             march.advance(1)
             states.append(march.state())
         whole.advance(steps)
-        listed = {(int(row[ROW]), int(row[MATE]), int(row[STEP])) for row in whole.passages()[0]}
+        listed = {(int(row[ROW]), int(row[MATE]), int(row[STEP])) for row in whole.listing.passages.passages}
         x, u = (np.array(part) - np.array(part)[:, 1:2] for part in zip(*states, strict=True))
         opening, distance = (x * u).sum(axis=2), np.linalg.norm(x, axis=2)
         free = 0.5 * (u * u).sum(axis=2)[:, 2:] > 1e-3 / distance[:, 2:]
         turned = (opening[:-1, 2:] < 0.0) & (opening[1:, 2:] >= 0.0) & free[:-1]
-        near = np.maximum(distance[:-1], distance[1:])[:, 2:] < 0.95 * whole.reaches[1]
+        near = np.maximum(distance[:-1], distance[1:])[:, 2:] < 0.95 * whole.observers.listed_within[1]
         for k, particle in np.argwhere(turned & near):
             assert (particle + 2, 1, k) in listed
             found += 1

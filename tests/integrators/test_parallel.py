@@ -14,7 +14,7 @@ from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.kernels.barrier import claim, meet
 from orbits.kernels.compile import kernel
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.marching.stepping import parallel
 
 BODIES = 150
@@ -31,7 +31,7 @@ def cluster(particles=0, seed=2):
 def march(gm, q, v, threads, steps=40, method=None):
     massive = gm > 0
     strength = parameters(gm[massive], 0.01)
-    run = Marcher(newtonian, method or StormerVerlet(), strength, massive, q, v, 0.01, threads=threads)
+    run = Leg.of(newtonian, method or StormerVerlet(), strength, massive, q, v, 0.01, threads=threads)
     run.advance(steps - 7)
     run.advance(7)
     checkpoint = run.checkpoint()
@@ -127,7 +127,7 @@ def test_a_team_takes_each_piece_once_in_every_round():
 
 def test_no_close_approach_in_a_cluster_is_passed_over():
     gm, q, v = cluster()
-    run = Marcher(newtonian, StormerVerlet(), parameters(gm, 0.01), gm > 0, q, v, 0.01)
+    run = Leg.of(newtonian, StormerVerlet(), parameters(gm, 0.01), gm > 0, q, v, 0.01)
     d2 = [((q[:, None] - q) ** 2).sum(axis=2)]
     for _ in range(60):
         run.advance(1)
@@ -136,7 +136,7 @@ def test_no_close_approach_in_a_cluster_is_passed_over():
     d2 = np.array(d2) + np.diag(np.full(BODIES, np.inf))
     passed = np.where((d2[1:-1] <= d2[:-2]) & (d2[1:-1] <= d2[2:]), d2[1:-1], np.inf)
     least = np.minimum(d2[0].min(axis=1), passed.min(axis=(0, 1)))
-    apart = Marcher(newtonian, StormerVerlet(), parameters(gm, 0.01), gm > 0, q, v, 0.01)
+    apart = Leg.of(newtonian, StormerVerlet(), parameters(gm, 0.01), gm > 0, q, v, 0.01)
     apart.advance(60)
     recorded = apart.checkpoint()["approaches"][0, 1, :BODIES]
     # Between two steps bodies come closer than at either: never farther, and a little only, but for a few.

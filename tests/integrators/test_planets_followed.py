@@ -12,7 +12,7 @@ from orbits.elements import state_from_elements
 from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
-from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.legs.planet_excursions import PlanetExcursions
 
 from ..maps import newtonian_energy, solar_system
 
@@ -146,13 +146,13 @@ def test_planets_that_have_exchanged_places_are_numbered_anew():
     """Two Neptunes: the order of their orbits at the start is not that after their encounters."""
     start = planets(5.15e-5, (5.0, 5.3), 0.08, seed=3)
     gm, q, v, _ = start.values
-    march = LeavingMarcher(newtonian, FOLLOW, parameters(gm), gm > 0.0, q, v, 100.0, retire=True)
+    march = PlanetExcursions(newtonian, FOLLOW, parameters(gm), gm > 0.0, q, v, 100.0, retire=True)
     first, exchanged = outwards(gm, *march.state()), 0
     for k in range(1, 400):
         march.advance_to(Place(20 * k, 0.0))
         rows, _ = march.excursions()
         if not march.is_away and len(rows) and march.step == rows[-1, 1]:
-            order = [0, *(int(x) for x in march._state["memory"][14, : len(gm) - 1])]
+            order = [0, *(int(x) for x in march.stepper.state["memory"][14, : len(gm) - 1])]
             assert order == outwards(gm, *march.state())
             exchanged += order != first
     assert exchanged

@@ -11,7 +11,7 @@ from orbits.kernels.maps.interaction import displace, interact, modify
 from orbits.kernels.maps.jacobi import advance_planets, finish_velocities, step_lazy, step_modified, step_plain
 from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
 
 
@@ -50,7 +50,7 @@ def crowded(count):
 
 
 def marcher(gm, q, v, h, *, looks=True, **options):
-    return Marcher(newtonian, orbits.WisdomHolman(**options), parameters(gm), gm > 0, q, v, h, approaches=looks)
+    return Leg.of(newtonian, orbits.WisdomHolman(**options), parameters(gm), gm > 0, q, v, h, approaches=looks)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 8])
@@ -59,7 +59,7 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
     h = 3.0
     march = marcher(*solar_system(count), h, kernel=kick)
     march.advance(5)
-    begun = march._state["memory"], march._loops._scratch
+    begun = march.stepper.state["memory"], march.stepper.loops._scratch
     planets, room = (x.copy() for x in begun)
     other, its_room = (x.copy() for x in begun)
     shift = h * h / 12
@@ -86,7 +86,7 @@ def test_a_step_in_two_registers_is_that_by_passes_over_memory(kick, count):
     h = 0.05
     march = marcher(*crowded(count), h, kernel=kick)
     march.advance(5)
-    other, its_room = march._state["memory"].copy(), march._loops._scratch.copy()
+    other, its_room = march.stepper.state["memory"].copy(), march.stepper.loops._scratch.copy()
     begun, shift = other.copy(), h * h / 12
     march.advance(20)
     for _ in range(20):
@@ -98,7 +98,7 @@ def test_a_step_in_two_registers_is_that_by_passes_over_memory(kick, count):
         elif kick == "modified-kick":
             modify(other, its_room, count, shift)
         finish_velocities(other, its_room, h / 2)
-    planets = march._state["memory"]
+    planets = march.stepper.state["memory"]
     change = (planets[:24] + 0.0) - other[:24]
     both = [change[k : k + 6] + change[k + 6 : k + 12] for k in (0, 12)]
     assert np.abs(planets[12:18, : count - 8] - begun[12:18, : count - 8]).max() > 0.1
@@ -111,7 +111,7 @@ def test_planets_in_two_registers_have_the_same_bits_with_particles_and_without(
     gm, q, v = crowded(12)
     alone = marcher(gm, q, v, 0.05, kernel=kick)
     far = np.array([[30.0, 0.0, 0.0]]), np.array([[0.0, 0.2, 0.0]])
-    among = Marcher(
+    among = Leg.of(
         newtonian, orbits.WisdomHolman(kernel=kick), parameters(gm), np.arange(14) < 13, np.vstack([q, far[0]]),
         np.vstack([v, far[1]]), 0.05,
     )  # fmt: skip
@@ -181,7 +181,7 @@ def test_no_passage_that_the_map_cannot_follow_is_missed_by_looking_at_kicks_alo
         for _ in range(120):
             every.advance(64)
             screened.advance(64)
-            blind += not screened._watcher.sees_path
+            blind += not screened.observers.sees_path
         listed, found = every.passages()[0], {row.tobytes() for row in screened.passages()[0]}
         for row in listed[cannot_follow(every, listed, gm)]:
             hard, missed = hard + 1, missed + (row.tobytes() not in found)
@@ -195,8 +195,8 @@ def test_no_passage_that_the_map_cannot_follow_is_missed_by_looking_at_kicks_alo
 def test_the_planets_in_the_usual_steps_are_never_looked_at_closely(count):
     march = marcher(*solar_system(count), 3.0, looks=False)
     march.advance(100_000)
-    assert not march._watcher.sees_path
-    assert len(march.passages()[0]) == 0
+    assert not march.observers.sees_path
+    assert len(march.listing.passages.passages) == 0
 
 
 @pytest.mark.parametrize("looks", [True, False])
@@ -211,7 +211,7 @@ def test_every_meeting_of_planets_is_listed_also_if_their_distance_hardly_change
             march.advance(1)
             states.append(march.state())
         whole.advance(steps)
-        listed = {(int(row[ROW]), int(row[MATE]), int(row[STEP])) for row in whole.passages()[0]}
+        listed = {(int(row[ROW]), int(row[MATE]), int(row[STEP])) for row in whole.listing.passages.passages}
         x, u = np.array(states).transpose(1, 0, 2, 3)
         for i in range(1, len(gm)):
             for j in range(i + 1, len(gm)):

@@ -9,14 +9,16 @@ from orbits.integrators.stormer_verlet import StormerVerlet
 from orbits.kernels.search.stopping import FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.following.retirement import retirements
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs import within_step
+from orbits.marching.legs.leg import Leg
+from orbits.marching.legs.record import approaches
 
 
 def collapse(*, retire):
     """Two bodies fall into each other at t = 4; far away a particle falls into a third one at t = 0.5."""
     gm = np.array([1.0, 1.0, 1.0, 0.0])
     q = np.array([[-1.5, 0, 0], [1.5, 0, 0], [1000.0, 0, 0], [1000.6, 0, 0]])
-    return Marcher(newtonian, Gauss(stages=4), parameters(gm[:3]), gm > 0, q, np.zeros((4, 3)), 1 / 32, retire=retire)
+    return Leg.of(newtonian, Gauss(stages=4), parameters(gm[:3]), gm > 0, q, np.zeros((4, 3)), 1 / 32, retire=retire)
 
 
 def struck(**options):
@@ -26,7 +28,7 @@ def struck(**options):
     v = np.array([[0, 0, 0], [0, 5**-0.5, 0], [h / 2 - 1 / h, 0, 0], [-(2**-0.5), 0, 0]])
     massive = np.array([True, True, False, False])
     gm = parameters(np.array([1.0, 1e-300]))
-    return Marcher(newtonian, StormerVerlet(), gm, massive, q, v, h, retire=True, **options)
+    return Leg.of(newtonian, StormerVerlet(), gm, massive, q, v, h, retire=True, **options)
 
 
 def test_a_particle_lost_before_the_bodies_fail_is_the_error():
@@ -59,13 +61,13 @@ def test_a_retired_particle_meets_no_condition():
 def test_a_retired_particle_is_far_from_all_bodies_for_good():
     run = struck()
     run.advance(150)
-    assert np.isinf(run.approaches()[0, :, 2]).all()
+    assert np.isinf(approaches(run)[0, :, 2]).all()
 
 
 def test_a_part_of_a_step_goes_on_without_a_retired_particle():
     run = struck()
     run.advance(10)
-    part = run.part_of_a_step(0.01)
+    part = within_step.ended_at(run, run.time + 0.01)
     # It begins at the state rounded to float64: one rounding of numbers below 8.
     np.testing.assert_allclose(part.state()[0], run.state_after(0.01)[0], rtol=0, atol=2**-50)
     assert np.isnan(part.state()[0][2]).all()

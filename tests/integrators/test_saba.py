@@ -14,7 +14,7 @@ from orbits.kernels.maps.interaction import interact
 from orbits.kernels.maps.jacobi import advance_planets, finish_velocities
 from orbits.kernels.maps.jacobi_stages import step_in_stages
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 from ..contracts.problems import march
 from ..maps import BOUNDS, EVERYWHERE, KM, among_planets, energies, marched, solar_system, system
@@ -46,7 +46,7 @@ def test_a_thousand_years_of_ten_bodies_in_steps_of_a_week_are_as_accurate_as_by
     (8, 6, 4) in steps of 6 d, and 3 km in steps of 10 d.
     """
     gm, q, v, truth = solar_system()
-    run = Marcher(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 7.5)
+    run = Leg.of(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 7.5)
     run.advance(48_700)
     off = KM * np.linalg.norm(run.state()[0] - truth, axis=1)
     assert off[1] < 0.1  # a random walk of round-off
@@ -105,10 +105,10 @@ def test_a_body_passes_by_on_a_hyperbola_and_a_moving_frame_changes_nothing():
 @pytest.mark.parametrize("count", [1, 5, 8])
 def test_a_step_in_registers_has_the_bits_of_its_parts(count):
     gm, q, v, _ = solar_system(count)
-    run = Marcher(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 6.0)
+    run = Leg.of(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 6.0)
     run.advance(3)
-    planets = run._state["memory"]
-    room = run._loops._scratch[: -len(planets)]
+    planets = run.stepper.state["memory"]
+    room = run.stepper.loops._scratch[: -len(planets)]
     other, its_room = planets.copy(), room.copy()
     stages = DEFAULT.second_order.coefficients(6.0, 6.0)[2:]
     for _ in range(10):
@@ -147,14 +147,14 @@ def test_particles_are_as_accurate_as_planets_wherever_they_are(truth):
 
 def test_bits_depend_neither_on_neighbours_nor_threads_nor_blocks_nor_the_order_of_the_bodies():
     gm, q, v = among_planets((list(EVERYWHERE) * 5)[:37])
-    run = Marcher(newtonian, DEFAULT, parameters(gm[gm > 0]), gm > 0, q, v, 3.0, threads=3)
+    run = Leg.of(newtonian, DEFAULT, parameters(gm[gm > 0]), gm > 0, q, v, 3.0, threads=3)
     run.advance(50)
     x, w = run.state()
     massive, _ = march(DEFAULT, gm[:9], q[:9], v[:9], 3.0, 50)
     assert np.array_equal(x[:9], massive)
     order = np.random.default_rng(1).permutation(len(gm))
     other = [
-        Marcher(newtonian, DEFAULT, parameters(gm[order][gm[order] > 0]), gm[order] > 0, q[order], v[order], 3.0)
+        Leg.of(newtonian, DEFAULT, parameters(gm[order][gm[order] > 0]), gm[order] > 0, q[order], v[order], 3.0)
         for _ in range(2)
     ]
     other[0].block = 7

@@ -11,7 +11,7 @@ from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.terms.base import SumOfTerms
 from orbits.lagrangians.terms.post_newtonian import post_newtonian
 from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched, marcher
 
@@ -265,4 +265,4 @@ def test_terms_and_forces_that_have_no_flow_are_refused_with_the_methods_that_ta
     L = n_body([1.0, 1e-3], 0.0, [strange])
     assert isinstance(L, SumOfTerms)
     with pytest.raises(InputError, match=r"not post-Newtonian. Use Gauss"):
-        Marcher(L, DEFAULT, L.parameter_vector, np.ones(2, bool), np.eye(3)[:2], np.zeros((2, 3)), 0.1)
+        Leg.of(L, DEFAULT, L.parameter_vector, np.ones(2, bool), np.eye(3)[:2], np.zeros((2, 3)), 0.1)

@@ -14,7 +14,7 @@ from orbits import diagnostics, discrete
 from orbits.errors import InputError, StepWarning
 from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import n_body, newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.tableaux.correctors import PAIRS, corrector, corrector_lengths
 
 from ..contracts.problems import march
@@ -181,7 +181,7 @@ def test_a_thousand_years_of_ten_bodies_are_as_accurate_as_by_collocation():
 
     data = json.loads(data_path("solar_system_10body.json").read_text())
     gm, q, v = (np.array(data[key]) for key in ("gm_au3_d2", "q", "v"))
-    run = Marcher(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 3.0)
+    run = Leg.of(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 3.0)
     run.advance(1000 * 1461 // 12)
     truth = np.array(data["reference_years"]["1000"], dtype=float)[:, :3]
     off = KM * np.linalg.norm(run.state()[0] - truth, axis=1)
@@ -218,18 +218,18 @@ def test_samples_do_not_change_a_bit_of_the_run_and_are_as_accurate_off_the_grid
 
 def test_bits_do_not_depend_on_blocks_or_on_the_order_of_the_bodies():
     gm, q, v = planets()
-    straight = Marcher(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 0.1)
+    straight = Leg.of(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 0.1)
     straight.advance(50)
-    pieces = Marcher(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 0.1)
+    pieces = Leg.of(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 0.1)
     pieces.block = 7
     pieces.advance(20)
     pieces.state_after(0.03)
     saved = pieces.checkpoint()
-    pieces = Marcher(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 0.1)
+    pieces = Leg.of(newtonian, DEFAULT, parameters(gm), gm > 0, q, v, 0.1)
     pieces.restore(saved)
     pieces.advance(30)
     order = [2, 0, 1]
-    turned = Marcher(newtonian, DEFAULT, parameters(gm[order]), gm > 0, q[order], v[order], 0.1)
+    turned = Leg.of(newtonian, DEFAULT, parameters(gm[order]), gm > 0, q[order], v[order], 0.1)
     turned.advance(50)
     for a, b, c in zip(straight.state(), pieces.state(), turned.state(), strict=True):
         assert np.array_equal(a, b)
@@ -310,7 +310,7 @@ def test_what_it_cannot_march_is_refused_with_a_remedy():
     with pytest.raises(InputError, match=r"dominates the others.*has 40 %.*Gauss"):
         march(DEFAULT, gm * [0.4, 30, 100], q, v, 0.1, 1)
     with pytest.raises(InputError, match="softening = 0"):
-        Marcher(newtonian, DEFAULT, parameters(gm, 0.1), gm > 0, q, v, 0.1)
+        Leg.of(newtonian, DEFAULT, parameters(gm, 0.1), gm > 0, q, v, 0.1)
     with pytest.raises(InputError, match="Newtonian"):
         orbits.march(orbits.lagrangians.pendulum, DEFAULT, dt=0.1, steps=1)
     with pytest.raises(InputError, match="cannot be composed"):

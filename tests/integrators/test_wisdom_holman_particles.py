@@ -38,14 +38,14 @@ def test_particles_are_as_accurate_as_planets_wherever_they_are(truth):
 def test_their_place_in_the_order_of_the_planets_is_by_their_pericentres(truth):
     """And no other is much better, while the usual one, outermost, is far worse inside Jupiter."""
     start = among_planets()
-    numbers = marcher(DEFAULT, *start, 3.0)._state["particle_memory"][:, 0, NUMBER] - 1.0
+    numbers = marcher(DEFAULT, *start, 3.0).stepper.state["particle_memory"][:, 0, NUMBER] - 1.0
     assert numbers.tolist() == list(EVERYWHERE.values())
     off = {}
     for place in (None, 8):
         run = marcher(CORRECTED, *start, 3.0)
         if place is not None:
-            run._state["particle_memory"][:, 0, NUMBER] = 1.0 + place
-            run._loops.enter(run._state, run.clock)
+            run.stepper.state["particle_memory"][:, 0, NUMBER] = 1.0 + place
+            run.stepper.loops.enter(run.stepper.state, run.clock)
         run.advance(400)
         off[place] = np.linalg.norm(run.state()[0] - truth, axis=1)[9:]
     assert (off[8][:3] > 20.0 * off[None][:3]).all()
@@ -61,7 +61,7 @@ def test_the_order_is_the_declared_one_inside_between_and_outside_the_planets(me
     errors = [np.abs(marched(method, gm, q, v, 6.0 / n, n)[0] - truth)[3:].max(axis=1) for n in (128, 256)]
     measured = np.log2(errors[0] / errors[1])
     assert np.abs(measured - order).max() < 0.15 * order
-    assert set(marcher(method, gm, q, v, 0.1)._state["particle_memory"][:, 0, NUMBER]) == {1.0, 2.0, 3.0}
+    assert set(marcher(method, gm, q, v, 0.1).stepper.state["particle_memory"][:, 0, NUMBER]) == {1.0, 2.0, 3.0}
 
 
 @pytest.mark.parametrize("method", [PLAIN, DEFAULT, LAZY], ids=str)

@@ -7,7 +7,7 @@ import orbits
 from orbits.elements import state_from_elements
 from orbits.kernels.search.record import DISTANCE2, DOMINANT
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 
 FOLLOW = {"encounters": "follow"}
 METHODS = {
@@ -46,7 +46,7 @@ def test_pericentres_are_found_in_blocks_as_in_single_steps(name, seed):
     """
     gm, q, v = bodies(seed)
     one, other = (
-        Marcher(newtonian, METHODS[name], parameters(gm[gm > 0]), gm > 0, q, v, 0.1, retire=True) for _ in range(2)
+        Leg.of(newtonian, METHODS[name], parameters(gm[gm > 0]), gm > 0, q, v, 0.1, retire=True) for _ in range(2)
     )
     one.advance(STEPS)
     for _ in range(STEPS):

@@ -104,7 +104,7 @@ def test_bodies_between_their_steps_are_where_partial_steps_lead():
     start = orbits.System(["a", "b", "c", "p"], gm=gm, q=q, v=v, units=orbits.DIMENSIONLESS)
     march = bound(start, "gauss", orbits.Adaptive(1e-8), 1)
     march.advance(12)
-    loops, begun = march._loops, march._state["clock"].copy()
+    loops, begun = march.stepper.loops, march.stepper.state["clock"].copy()
     path, kicks = loops._record
     mine = loops._own_clocks[0]
     off = {"known": 0.0, "first": 0.0}
@@ -117,7 +117,7 @@ def test_bodies_between_their_steps_are_where_partial_steps_lead():
                 table[9:25:2] = table[1:9]
             field = Field(0.0, loops.times, loops._stages, path, kicks, table, *mine.field[1:])
             h = loops.times[k + 1] - loops.times[k]
-            placed(march._form.tag, mine.table, newtonian.tag, parameters(gm[:3]), field, k, THETA)
+            placed(march.stepper.form.tag, mine.table, newtonian.tag, parameters(gm[:3]), field, k, THETA)
             for i, theta in enumerate(THETA):
                 again = bound(start, "gauss", orbits.Adaptive(1e-8), 1)
                 expected, _ = again_at(again, k, theta * h)

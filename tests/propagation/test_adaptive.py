@@ -12,7 +12,7 @@ from orbits.archive import Archive, ArchiveWriter
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
 from orbits.marching.clocks.constant import Place
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.marching.watching import passage_list
 from orbits.propagation.marchers import bound
 from orbits.time_grid import TimeGrid
@@ -307,8 +307,8 @@ def test_a_callback_ends_a_run_at_its_sample():
 def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
     marcher = bound(system(*three_bodies()), "gauss", orbits.Adaptive(), 1)
     calls = []
-    march = marcher._loops.march
-    monkeypatch.setattr(marcher._loops, "march", lambda *a: calls.append(1) or march(*a))
+    march = marcher.stepper.loops.march
+    monkeypatch.setattr(marcher.stepper.loops, "march", lambda *a: calls.append(1) or march(*a))
     for time in np.linspace(0.0, 1.0, 1001):
         marcher.advance_to(Place(0, float(time)))
     assert len(calls) <= 2 * marcher.step + 2
@@ -317,9 +317,9 @@ def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
 def test_a_short_run_is_bound_once_and_marches_its_steps_in_one_block(monkeypatch):
     """A call of a millisecond, as in a fit: nothing is made or marched twice for its start, its end or its record."""
     made, blocks = [], []
-    make, block = Marcher.__init__, Marcher._one_block
-    monkeypatch.setattr(Marcher, "__init__", lambda self, *a, **k: made.append(1) or make(self, *a, **k))
-    monkeypatch.setattr(Marcher, "_one_block", lambda self, *a: blocks.append(1) or block(self, *a))
+    make, block = Leg.__init__, Leg._one_block
+    monkeypatch.setattr(Leg, "__init__", lambda self, *a, **k: made.append(1) or make(self, *a, **k))
+    monkeypatch.setattr(Leg, "_one_block", lambda self, *a: blocks.append(1) or block(self, *a))
     run = propagate(orbits.System.solar_system(), 1 * u.yr, samples=2)
     # The second block is the part of a step up to the end, for the record of close approaches.
     assert (len(made), len(blocks)) == (1, 2)

@@ -59,7 +59,7 @@ def test_names_of_methods_are_understood_by_all_that_takes_one():
         ("tmax", "the end of a run is duration=..., or until=..."),
         ("Nout", "the samples to keep are samples=..., a count or times"),
         ("exit_max_distance", "stop=orbits.FartherThan(distance) ends a run"),
-        ("epsilon", "steps are constant: dt=...; there is no tolerance"),
+        ("epsilon", "dt=orbits.Adaptive(tolerance=...) is the tolerance of steps that are chosen"),
         ("sampels", "expected some of system, integrator, dt, duration, until, samples, archive"),
         ("sampels", "Did you mean samples?"),
     ],

@@ -13,7 +13,7 @@ from orbits import kepler_flow
 from orbits.errors import IntegrationError
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.propagation.marchers import bound
 from orbits.regression import peers
 
@@ -224,7 +224,7 @@ def test_a_run_resumed_after_a_retirement_has_its_bits(tmp_path):
 
 def test_a_march_that_does_not_retire_particles_raises():
     gm, q, v, _ = falling().values
-    march = Marcher(newtonian, orbits.Gauss(8), parameters(gm[:2]), gm > 0, q, v, orbits.Adaptive())
+    march = Leg.of(newtonian, orbits.Gauss(8), parameters(gm[:2]), gm > 0, q, v, orbits.Adaptive())
     with pytest.raises(IntegrationError):
         march.advance_to(Place(0, 6.0))
 

@@ -185,10 +185,10 @@ def test_of_more_passages_than_there_is_room_for_the_fastest_are_kept_and_the_ot
     for _ in range(4):
         parts.advance(steps // 4)
     parts.advance(steps - parts.step)
-    listed, left_out = whole.passages()
+    listed, left_out = whole.home.listing.passages.passages, whole.home.listing.passages.left_out
     assert len(listed) == 256 + 2 * 2
     assert len(listed) + left_out == n
-    assert np.array_equal(parts.passages()[0], listed)
+    assert np.array_equal(parts.home.listing.passages.passages, listed)
 
 
 @pytest.mark.parametrize("method", [VERLET, orbits.Gauss(stages=2), orbits.RungeKutta4()], ids=lambda m: m.label)
@@ -258,7 +258,8 @@ def test_the_list_does_not_depend_on_threads_even_when_a_block_holds_more_than_f
     marchers = [bound(system, VERLET, 0.002, threads) for threads in (1, 2, 5)]
     for marcher in marchers:
         marcher.advance(150)
-    (first, left_out), *others = (marcher.passages() for marcher in marchers)
+    lists = [marcher.home.listing.passages for marcher in marchers]
+    (first, left_out), *others = ((known.passages, known.left_out) for known in lists)
     assert left_out == 0
     assert len(first) >= n
     assert marchers[0].block < 150  # what did not fit at once was marched again in shorter blocks

@@ -14,7 +14,7 @@ from orbits.diagnostics.tangent import symplecticity_defect
 from orbits.errors import ArchiveError, ConvergenceError, InputError, SingularityError
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.leg import Leg
 from orbits.propagation.marchers import bound
 
 from .. import kepler_truth
@@ -105,7 +105,7 @@ def test_a_step_of_bodies_is_symplectic_at_equal_tau():
     masses = np.repeat(gm, 3)
 
     def march(z, clock):
-        marcher = Marcher(
+        marcher = Leg.of(
             newtonian, orbits.Gauss(stages=8), parameters(gm), gm > 0, z[: 3 * n].reshape(n, 3),
             (z[3 * n :] / masses).reshape(n, 3), clock,
         )  # fmt: skip
@@ -117,7 +117,7 @@ def test_a_step_of_bodies_is_symplectic_at_equal_tau():
         x, w = marcher.state()
         return np.concatenate([x.ravel(), masses * w.ravel()])
 
-    begun = Marcher(newtonian, orbits.Gauss(stages=8), parameters(gm), gm > 0, q, v, TT)
+    begun = Leg.of(newtonian, orbits.Gauss(stages=8), parameters(gm), gm > 0, q, v, TT)
     begun.advance(1)
     known = begun.checkpoint()["memory"][-1]
     z = np.concatenate([q.ravel(), masses * v.ravel()])

@@ -243,6 +243,13 @@ class Adaptive(ChangingSteps):
         numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
         return numbers
 
+    def array(self, integrator: Any, *, alone: bool, given: bool) -> dict[str, Array]:
+        """Return the array of the state of the clock; bodies alone, and given ones, set no length of steps."""
+        numbers = self.numbers_for(integrator)
+        if alone or given:
+            numbers[LONGEST] = ALONE if alone else LONGEST_OF_GIVEN
+        return {"clock": numbers}
+
     def describe(self, integrator: Any) -> str:
         """Return the steps of a method in words."""
         return f"adaptive steps (tolerance {self.tolerance_for(integrator):g})"

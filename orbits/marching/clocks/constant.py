@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple
@@ -19,7 +19,8 @@ from orbits.errors import InputError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag
-from orbits.kernels.clocks import CONSTANT_STEPS
+from orbits.kernels.clocks import CONSTANT_STEPS, LENGTH
+from orbits.kernels.dense import times_reached
 
 STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
@@ -46,6 +47,8 @@ class Clock:
 
     timing : the tag by which compiled code identifies it
     refined_by : what is made smaller for more accuracy, in words
+    passage_limits : which passages are listed, see `orbits.marching.watching.watcher.thresholds`, if that does not
+        depend on the method
     direction : 1 forwards in time, -1 backwards
     h : the length of its steps, with that sign; NaN if they differ
 
@@ -55,6 +58,7 @@ class Clock:
 
     timing: ClassVar[Tag]
     refined_by: ClassVar[str] = "dt"
+    passage_limits: ClassVar[tuple[float, float, float] | None] = None
     direction: float
     h: float
 
@@ -62,6 +66,11 @@ class Clock:
     def changes(self) -> bool:
         """Whether steps differ in length."""
         raise NotImplementedError
+
+    @property
+    def lets_particles_choose(self) -> bool:
+        """Whether massless particles have clocks of their own, beside this one of the massive bodies."""
+        return False
 
     def check(self, integrator: Integrator) -> None:
         """Raise InputError for a method whose steps this clock cannot choose."""
@@ -79,6 +88,18 @@ class Clock:
         strength : (1 + n,), see `orbits.kernels.gravity.pair_sums`; q, v : (n, 3); names : (n,)
         """
 
+    def step_times(self, start: float) -> StepTimes:
+        """Return what tells a leg that begins at `start` when its steps are."""
+        raise NotImplementedError
+
+    def array(self, integrator: Integrator, *, alone: bool, given: bool) -> dict[str, Array]:
+        """Return the array of the state of the clock, by its name, that a leg changes and archives have; {} for none.
+
+        alone : whether a massive body is alone, among particles or under forces; given : whether the motion of bodies
+            is given
+        """
+        return {}
+
     def room(self, block: int, size: int) -> int:
         """Return the length of the workspace for a block of `block` steps and a state of `size` numbers."""
         return 0
@@ -94,6 +115,168 @@ class Clock:
     def place(self, time: float | Fraction) -> Place:
         """Return the place of a time in a march."""
         raise NotImplementedError
+
+    def time_at(self, place: Place) -> float:
+        """Return the time, since the start of the run, of a place: of no whole steps its rest."""
+        return float(self.time(place.steps)) + place.rest
+
+
+class StepTimes:
+    """When the steps of one leg are: all that its loop has to know of its clock.
+
+    clock : of the leg; start : the time at which it begins
+    step : whole steps taken; counted after each block
+    arrived : whether the last block ended before a step that would pass its limit
+    end_anywhere : whether the leg itself can end within a step, though it cannot go on from there
+    """
+
+    arrived = False
+    end_anywhere: ClassVar[bool] = False
+
+    def __init__(self, clock: Clock, start: float) -> None:
+        self.clock, self.start, self.step = clock, start, 0
+
+    def bind(self, state: Mapping[str, Array], room: Array, block: int) -> None:
+        """Take the arrays of the leg; room : the workspace of the clock for blocks of `block` steps."""
+
+    @property
+    def time(self) -> float:
+        """The time reached, since the start of the run."""
+        raise NotImplementedError
+
+    @property
+    def reading(self) -> float:
+        """The reading of the clock: whole steps, or the time."""
+        raise NotImplementedError
+
+    def numbers(self, state: Mapping[str, Array], clock: Clock) -> Array:
+        """Return what compiled code needs to know of a clock, of this leg or of a part of a step, for a block that
+        begins at a state.
+        """
+        raise NotImplementedError
+
+    def length(self, numbers: Array) -> float:
+        """Return the length of the steps of a block, or about that."""
+        raise NotImplementedError
+
+    def origin(self, numbers: Array) -> float:
+        """Return the time from which observers count: 0, as they count steps, or that at the beginning of the block."""
+        return 0.0
+
+    def failed_at(self, numbers: Array, done: int) -> float:
+        """Return the time at which a step began that failed, after `done` steps of a block."""
+        raise NotImplementedError
+
+    def aim(self, place: Place) -> None:
+        """Let the next blocks lead up to a place, and not beyond."""
+
+    def is_before(self, place: Place) -> bool:
+        """Return whether there may be whole steps left before a place."""
+        raise NotImplementedError
+
+    def most(self, place: Place) -> int:
+        """Return how many steps there are at the most before a place."""
+        return UNLIMITED
+
+    def note(self, count: int, numbers: Array) -> None:
+        """Take note of a block of `count` steps of the leg that was just marched, and of its lengths."""
+        raise NotImplementedError
+
+    def forget(self) -> None:
+        """Take note that there is no last block."""
+        raise NotImplementedError
+
+    def lengths(self) -> Array:
+        """Return the lengths of the steps of the last block, (steps,)."""
+        raise NotImplementedError
+
+    def ends(self) -> Array:
+        """Return the times at which the steps of the last block begin, and its end, (steps + 1,)."""
+        raise NotImplementedError
+
+    def pairs(self) -> Array:
+        """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
+        raise NotImplementedError
+
+    def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
+        """Return the steps of the last block in which readings lie, counted from 0."""
+        raise NotImplementedError
+
+    @property
+    def origin_now(self) -> float:
+        """The time from which observers count at the end of a leg."""
+        return 0.0
+
+    def is_at(self, place: Place) -> bool:
+        """Return whether a place, up to which the leg has advanced, is where it is."""
+        raise NotImplementedError
+
+    def ahead(self, offset: float) -> Place:
+        """Return the place of a time after the one reached."""
+        raise NotImplementedError
+
+    def place_of(self, time: float) -> Place:
+        """Return the place of a time less than a step ahead."""
+        raise NotImplementedError
+
+    def next_place(self) -> Place:
+        """Return the place to which the next step leads, or one beyond it."""
+        raise NotImplementedError
+
+    def part(self, place: Place) -> Part:
+        """Return how to get from the whole steps taken to a place less than a step ahead."""
+        raise NotImplementedError
+
+    def aim_exactly(self, copy: Mapping[str, Array], place: Place) -> None:
+        """Let the last step of a copy of the state end at a place, where the clock of the leg goes on."""
+
+    def before_next(self, times: Array) -> int:
+        """Return how many of these ascending times, the first of which is ahead, lie before the next step, if copies
+        can be marched to each at once.
+        """
+        return 0
+
+    def way(self, time: float) -> Way:
+        """Return how another leg gets from here to a time less than a step ahead, where it ends."""
+        raise NotImplementedError
+
+    def hand_on(self, leg: Any, end: Any) -> None:
+        """Let a leg that ends within the next step of this one, see `way`, begin where this one is."""
+        raise NotImplementedError
+
+    def end_exactly(self) -> None:
+        """Let the last step end exactly at the place that is approached: from there the leg cannot go on."""
+
+    def reading_in_part(self, reading: Any, time: float) -> Any:
+        """Return the reading of this clock for one of a leg that covers the part of a step up to a time."""
+        raise NotImplementedError
+
+
+class Part(NamedTuple):
+    """The way to a place within a step, on a copy of the state: by steps of a clock, and the most of them in a block.
+
+    is_cold : whether it is a single step of another length, for which the carry is made anew
+    """
+
+    clock: Clock
+    most: int
+    is_cold: bool
+
+
+class Way(NamedTuple):
+    """The way to a time within a step, by a leg of its own: its clock, its start, and the place of that time in it.
+
+    continued : the arrays of the state that it takes over as they are, besides positions and velocities
+    """
+
+    clock: Clock
+    start: float
+    place: Place
+    continued: tuple[str, ...] = ()
+
+
+UNLIMITED = 1 << 62
+"""The number of steps of a block that nothing limits."""
 
 
 @dataclass(frozen=True)
@@ -128,6 +311,10 @@ class ConstantSteps(Clock):
         """Return the state of the clock for compiled code, after `steps` steps of a march that began at `start`."""
         return np.array([start, float(steps), self.h])
 
+    def step_times(self, start: float) -> GridTimes:
+        """Return what tells a leg that begins at `start` when its steps are."""
+        return GridTimes(self, start)
+
     def time(self, reading: Any) -> Any:
         """Return the duration of a number of steps, which may be fractional or an array."""
         return reading * self.h
@@ -147,6 +334,110 @@ class ConstantSteps(Clock):
             return Place(steps, float(time - steps * Fraction(self.h)))
         rest = math.fmod(time, self.h)
         return Place(round((time - rest) / self.h), rest)
+
+
+class GridTimes(StepTimes):
+    """When constant steps are: step k begins at start + k h, without rounding errors that accumulate."""
+
+    clock: ConstantSteps
+
+    def __init__(self, clock: ConstantSteps, start: float) -> None:
+        super().__init__(clock, start)
+        self._count = 0
+
+    def at(self, step: int) -> float:
+        """Return the time at which a step begins."""
+        return self.start + float(self.clock.time(step))
+
+    @property
+    def time(self) -> float:
+        """The time reached, since the start of the run."""
+        return self.at(self.step)
+
+    @property
+    def reading(self) -> float:
+        """The reading of the clock: whole steps."""
+        return self.step
+
+    def numbers(self, state: Mapping[str, Array], clock: Clock) -> Array:
+        """Return the numbers of a clock of constant steps, see `ConstantSteps.numbers`."""
+        assert isinstance(clock, ConstantSteps)
+        return clock.numbers(self.start, self.step) if clock == self.clock else clock.numbers(self.time, 0)
+
+    def length(self, numbers: Array) -> float:
+        """Return the length of the steps of a block."""
+        return float(numbers[LENGTH])
+
+    def failed_at(self, numbers: Array, done: int) -> float:
+        """Return the time at which a step began that failed, after `done` steps of a block."""
+        return self.at(self.step + done)
+
+    def is_before(self, place: Place) -> bool:
+        """Return whether there are whole steps left before a place."""
+        return self.step < place.steps
+
+    def most(self, place: Place) -> int:
+        """Return how many steps there are before a place."""
+        return place.steps - self.step
+
+    def note(self, count: int, numbers: Array) -> None:
+        """Take note of a block of `count` steps."""
+        self._count = count
+
+    def forget(self) -> None:
+        """Take note that there is no last block."""
+        self._count = 0
+
+    def lengths(self) -> Array:
+        """Return the lengths of the steps of the last block, (steps,)."""
+        return np.full(self._count, self.clock.h)
+
+    def ends(self) -> Array:
+        """Return the times at which the steps of the last block begin, and its end, (steps + 1,)."""
+        return np.asarray(self.start + self.clock.time(self.step - self._count + np.arange(self._count + 1.0)))
+
+    def pairs(self) -> Array:
+        """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
+        times = np.zeros((self._count + 1, 2))
+        times[0, 0] = self.at(self.step - self._count)
+        times_reached(self.lengths(), times)
+        return times
+
+    def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
+        """Return the steps of the block just marched in which readings lie, counted from 0."""
+        return readings.astype(np.int64) - self.step
+
+    def is_at(self, place: Place) -> bool:
+        """Return whether there is no rest."""
+        return place.rest == 0.0
+
+    def ahead(self, offset: float) -> Place:
+        """Return the place of a time after the one reached."""
+        return Place(self.step, offset)
+
+    def place_of(self, time: float) -> Place:
+        """Return the place of a time less than a step ahead."""
+        return Place(self.step, time - self.time)
+
+    def next_place(self) -> Place:
+        """Return the place at the end of the next step."""
+        return Place(self.step + 1, 0.0)
+
+    def part(self, place: Place) -> Part:
+        """Return one step of the rest: a partial step."""
+        return Part(ConstantSteps(place.rest), 1, True)
+
+    def way(self, time: float) -> Way:
+        """Return one step to that time."""
+        return Way(ConstantSteps(time - self.time), self.time, Place(1, 0.0))
+
+    def hand_on(self, leg: Any, end: Any) -> None:
+        """Let a leg of a partial step begin without the particles that are retired."""
+        end.losses.retired.take(leg.losses.retired)
+
+    def reading_in_part(self, reading: Any, time: float) -> Any:
+        """Return the reading of this clock for one of a leg that covers the part of a step up to a time."""
+        return self.step + (time - self.time) / self.clock.h * reading
 
 
 def clock_of(step: float | Clock) -> Clock:

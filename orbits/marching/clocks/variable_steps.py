@@ -10,15 +10,16 @@ import math
 import sys
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.integrators.forms import Array
 from orbits.kernels.compile import kernel
+from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
-from orbits.marching.clocks.constant import Clock, Place
+from orbits.marching.clocks.constant import Clock, Part, Place, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10
 """The state of such a clock: the time reached, in doubled precision; the last step; the direction 1 or -1; the time
@@ -78,7 +79,9 @@ def is_number(x: object) -> bool:
 
 
 class ChangingSteps(Clock):
-    """Base of clocks whose steps differ in length: their readings are times."""
+    """Base of clocks whose steps differ in length: their readings are times. They resolve passages by themselves."""
+
+    passage_limits: ClassVar[tuple[float, float, float] | None] = math.inf, 1.0, math.inf
 
     @property
     def h(self) -> float:  # type: ignore[override]
@@ -88,6 +91,11 @@ class ChangingSteps(Clock):
     @property
     def changes(self) -> bool:
         """Whether steps differ in length."""
+        return True
+
+    @property
+    def lets_particles_choose(self) -> bool:
+        """True: massless particles have clocks of their own."""
         return True
 
     def towards(self, direction: float) -> ChangingSteps:
@@ -105,6 +113,14 @@ class ChangingSteps(Clock):
     def attribute(self, integrator: Any) -> str:
         """Return the same for a table's attributes, as in: adaptive, tolerance 1e-09."""
         raise NotImplementedError
+
+    def step_times(self, start: float) -> ChosenTimes:
+        """Return what tells a leg when its steps are; start : the time that terms and forces see when it reads 0."""
+        return ChosenTimes(self, start)
+
+    def array(self, integrator: Any, *, alone: bool, given: bool) -> dict[str, Array]:
+        """Return the array of the state of the clock, by its name, that a leg changes and archives have."""
+        return {"clock": self.numbers_for(integrator)}
 
     def room(self, block: int, size: int) -> int:
         """Return the length of the workspace: the times of a block since its beginning, the lengths of its steps, the
@@ -125,3 +141,137 @@ class ChangingSteps(Clock):
         """Return the places of times: no whole steps, and the times."""
         rest = np.asarray(times, dtype=np.float64)
         return np.zeros(rest.shape, dtype=np.int64), rest
+
+
+class ChosenTimes(StepTimes):
+    """When steps that are chosen one by one are: their readings are times, in the array `clock` of the leg's state."""
+
+    clock: ChangingSteps
+    end_anywhere: ClassVar[bool] = True
+    _now: Array
+
+    def bind(self, state: Mapping[str, Array], room: Array, block: int) -> None:
+        """Take the arrays of the leg; room : the workspace of the clock for blocks of `block` steps."""
+        self._now, self._room, self._block = state["clock"], room, block
+        room[since(block)] = self.start
+        self._begun, self._lengths = np.zeros(2), np.zeros(0)
+
+    @property
+    def time(self) -> float:
+        """The time reached, since the start of the run."""
+        return float(self._now[TIME])
+
+    @property
+    def reading(self) -> float:
+        """The reading of the clock: the time."""
+        return self.time
+
+    def numbers(self, state: Mapping[str, Array], clock: Clock) -> Array:
+        """Return the state of the clock in a state, for a block that begins there."""
+        now = state["clock"]
+        now[ORIGIN], self._begun_lo = now[TIME], float(now[TIME_LO])
+        return now
+
+    def length(self, numbers: Array) -> float:
+        """Return the length of the last step, or of about a step."""
+        return float(numbers[LENGTH] or self.clock.direction)
+
+    def origin(self, numbers: Array) -> float:
+        """Return the time at which the block began, from which observers count."""
+        return float(numbers[ORIGIN])
+
+    def failed_at(self, numbers: Array, done: int) -> float:
+        """Return the time at which a step began that failed."""
+        return float(numbers[TIME])
+
+    def aim(self, place: Place) -> None:
+        """Let the next blocks lead up to a place: no step passes this time."""
+        self._now[LIMIT] = place.rest
+
+    def is_before(self, place: Place) -> bool:
+        """Return whether there may be whole steps left before a place."""
+        now, goal = self._now, place.rest
+        if goal == now[TIME] or (self.arrived and now[LIMIT] == goal):
+            return False
+        return bool((goal - now[NEXT]) * self.clock.direction >= 0.0)
+
+    def note(self, count: int, numbers: Array) -> None:
+        """Take note of a block of `count` steps, and of its lengths: copies of the leg use the same workspace."""
+        self._begun[:] = numbers[ORIGIN], self._begun_lo
+        self._lengths = self._room[self._block + 1 : self._block + 1 + count].copy()
+
+    def forget(self) -> None:
+        """Take note that there is no last block."""
+        self.arrived, self._lengths = False, np.zeros(0)
+        self._begun[:] = self._now[[TIME, TIME_LO]]
+
+    def lengths(self) -> Array:
+        """Return the lengths of the steps of the last block, (steps,)."""
+        return self._lengths
+
+    def ends(self) -> Array:
+        """Return the times at which the steps of the last block begin, and its end, (steps + 1,)."""
+        return self.pairs()[:, 0]
+
+    def pairs(self) -> Array:
+        """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
+        times = np.full((len(self._lengths) + 1, 2), self._begun)
+        times_reached(self._lengths, times)
+        return times
+
+    def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
+        """Return the steps of the block just marched in which times lie, counted from 0."""
+        direction = self.clock.direction
+        return np.searchsorted(self.ends()[1:] * direction, readings * direction)
+
+    @property
+    def origin_now(self) -> float:
+        """The time reached."""
+        return self.time
+
+    def is_at(self, place: Place) -> bool:
+        """Return whether its time is the one reached."""
+        return place.rest == self.time
+
+    def ahead(self, offset: float) -> Place:
+        """Return the place of a time after the one reached."""
+        return Place(0, self.time + offset)
+
+    def place_of(self, time: float) -> Place:
+        """Return the place of a time less than a step ahead."""
+        return Place(0, time)
+
+    def next_place(self) -> Place:
+        """Return a place that no step reaches."""
+        return Place(0, math.inf * self.clock.direction)
+
+    def part(self, place: Place) -> Part:
+        """Return the steps of the clock."""
+        return Part(self.clock, self._block, False)
+
+    def aim_exactly(self, copy: Mapping[str, Array], place: Place) -> None:
+        """Let the last step of a copy of the state end at a place."""
+        copy["clock"][[LIMIT, EXACT]] = place.rest, 1.0
+
+    def before_next(self, times: Array) -> int:
+        """Return how many of these ascending times lie before the end of the step that was refused by the limit."""
+        beyond = (times[1:] - self._now[NEXT]) * self.clock.direction >= 0.0
+        return 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))
+
+    def way(self, time: float) -> Way:
+        """Return the steps of the clock, which goes on."""
+        return Way(self.clock, self.start, Place(0, time), ("q", "q_lo", "v", "v_lo", "memory", "clock"))
+
+    def hand_on(self, leg: Any, end: Any) -> None:
+        """Let a leg begin from the checkpoint of another, and end exactly."""
+        end.restore(leg.checkpoint())
+        end.times.end_exactly()
+
+    def end_exactly(self) -> None:
+        """Let the last step end exactly at the place that is approached: from there the leg cannot go on."""
+        self.arrived = False
+        self._now[[EXACT, NEXT]] = 1.0, self.time
+
+    def reading_in_part(self, reading: Any, time: float) -> Any:
+        """Return the reading of this clock for one of a leg that covers the part of a step up to a time: the same."""
+        return reading

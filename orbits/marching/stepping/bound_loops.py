@@ -50,7 +50,7 @@ class BoundLoops:
     followed : the passages in which massless particles take steps of their own, of a map that cannot follow them
 
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
-    state : the arrays that a march changes, by the names that archives have for them; see `Marcher`
+    state : the arrays that a march changes, by the names that archives have for them; see `Leg`
     ready : the next block, if it was computed along with those of other systems
     observed : whether the block marched last was, and closest approaches have been looked for in it
     """

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.dominant import DOMINANT
 from orbits.kernels.lanes import WIDTH
@@ -21,6 +22,8 @@ from orbits.kernels.search.context import Contexts
 from orbits.kernels.search.observers import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.search.record import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.watching import kepler_passages
 from orbits.marching.watching.kepler_passages import HILL_RADII
 from orbits.marching.watching.passage_list import BlockList
 
@@ -56,6 +59,18 @@ def thresholds(order: int) -> tuple[float, float, float]:
     return passage_angle, _least_eccentricity(order), pericentre_angle
 
 
+def limits_of(integrator: Integrator, clock: Clock, sees_dominant: bool) -> tuple[float, float, float]:
+    """Return these limits for the steps of a method on a clock.
+
+    sees_dominant : whether all pericentres about the dominant body are to be seen, as particles may fall on it
+    """
+    if integrator.follows_kepler:
+        return kepler_passages.listed(integrator.least_steps)
+    if sees_dominant:
+        return math.inf, 0.0, 0.0
+    return clock.passage_limits or thresholds(integrator.order)
+
+
 @lru_cache(maxsize=64)
 def _least_eccentricity(order: int) -> float:
     """Return the eccentricity at which (speed / distance)^order at the pericentre is `USUAL` times that of the circle
@@ -84,7 +99,7 @@ class Watcher:
     parameters : vector of the Lagrangian's kernels; gm from its second element on
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
-    stops, energy_bound, radii : see `Marcher`
+    stops, energy_bound, radii : see `Leg`
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.search.context`
     tasks : the number of tasks that march particles at the same time
     on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
@@ -95,6 +110,7 @@ class Watcher:
     contexts, lists : of the massive bodies, then of each task
     sees_path : whether all states of the next block are to be recorded
     given : whether the motion of all massive bodies is given: approaches among these are not looked for
+    energy : at the start, of which the bound is a fraction
     """
 
     def __init__(
@@ -166,10 +182,10 @@ class Watcher:
         observed = len(self._stops) or energy_bound is not None or self._collide or whole_path
         self._screens = notes_nearest and not observed
         self.sees_path = not self._screens
-        self._energy_bound, self._energy = energy_bound, 0.0
+        self._energy_bound, self.energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
-            self._energy = path_energy(self.contexts.addresses[0], parameters, 0)
+            self.energy = path_energy(self.contexts.addresses[0], parameters, 0)
 
     @cached_property
     def own_steps(self) -> Contexts:
@@ -291,8 +307,8 @@ class Watcher:
         if pairs and len(self._stops):
             found = int(self._hits.min())
         if self._energy_bound is not None:
-            bound = self._energy_bound * abs(self._energy)
-            step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self._energy, bound)
+            bound = self._energy_bound * abs(self.energy)
+            step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self.energy, bound)
             if step < found:
                 found, why = step, ENERGY
         if self._collide and self._touched.min() <= min(found, steps):

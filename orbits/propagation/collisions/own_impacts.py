@@ -18,7 +18,7 @@ from orbits.marching.clocks.adaptive import FIRST_THETA, THETA
 from orbits.marching.clocks.constant import Place
 from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.own_clocks import BEFORE, NEXT, SHORTEST, STRETCH
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.planet_excursions import Legs
 from orbits.propagation.collisions.impact import Impact, State, Step, impacts
 from orbits.propagation.collisions.of_a_run import Collisions
 from orbits.propagation.events.base import RECORD
@@ -46,7 +46,7 @@ def alone(checkpoint: Checkpoint, fresh: Checkpoint, particle: int) -> Checkpoin
     return out
 
 
-def own_steps(march: Marcher, particle: int, end: float) -> Iterator[Step]:
+def own_steps(march: Legs, particle: int, end: float) -> Iterator[Step]:
     """Yield the steps that a particle takes on its own, up to the end of a step of the bodies or where it is lost.
 
     march : of the bodies and this particle alone, at the beginning of the step; it is moved. The states are of these.
@@ -67,12 +67,12 @@ def own_steps(march: Marcher, particle: int, end: float) -> Iterator[Step]:
             return march.state_at(Place(0, time))
 
         bodies = np.delete(np.arange(len(before[0])), particle)
-        yield Step(begin, goal, before, after, at, bodies, march.parameters[: 1 + len(bodies)])
+        yield Step(begin, goal, before, after, at, bodies, march.problem.strength[: 1 + len(bodies)])
         march.restore(there)
 
 
 def own_impacts(
-    march: Marcher, particle: int, there: NDArray[np.bool_], end: float, radii: Array, collisions: Collisions
+    march: Legs, particle: int, there: NDArray[np.bool_], end: float, radii: Array, collisions: Collisions
 ) -> list[Impact]:
     """Return the collisions of a particle up to the end of a step of the bodies, in the order of time, up to the first
     after which it does not go on as before.
@@ -94,7 +94,7 @@ def own_impacts(
         at = partial(_whole_at, whole, step.at)
         massive = numbers[step.massive]
         step_of_all = step._replace(before=whole(step.before), after=whole(step.after), at=at, massive=massive)
-        for impact in impacts(step_of_all, radii, seeks, march.integrator.order):
+        for impact in impacts(step_of_all, radii, seeks, march.problem.integrator.order):
             found.append(impact)
             rule = collisions.rule(impact.first, impact.second)
             if rule is not None and rule.then != RECORD:
@@ -106,7 +106,7 @@ def _whole_at(whole: Callable[[State], State], at: Callable[[float], State], tim
     return whole(at(time))
 
 
-def _one_step(march: Marcher, particle: int, here: Checkpoint, end: float) -> float | None:
+def _one_step(march: Legs, particle: int, here: Checkpoint, end: float) -> float | None:
     """March from a checkpoint by one step of the particle, not beyond a time; return its end, or None if it is lost."""
     begin, direction = march.time, march.clock.direction
     length = float(here["particle_clock"][0, NEXT]) or _first_length(march, particle)
@@ -121,9 +121,10 @@ def _one_step(march: Marcher, particle: int, here: Checkpoint, end: float) -> fl
     return None
 
 
-def _first_length(march: Marcher, particle: int) -> float:
+def _first_length(march: Legs, particle: int) -> float:
     """Return the length of the first step of a particle, from its dynamical time; infinite if nothing attracts it."""
     q, _ = march.state()
     bodies = np.delete(q, particle, axis=0)
-    rate = float((march.parameters[1 : 1 + len(bodies)] / np.linalg.norm(bodies - q[particle], axis=1) ** 3).sum())
+    gm = march.problem.gm[: len(bodies)]
+    rate = float((gm / np.linalg.norm(bodies - q[particle], axis=1) ** 3).sum())
     return FIRST_THETA / math.sqrt(rate) if rate > 0.0 else math.inf

@@ -13,8 +13,8 @@ import numpy as np
 
 from orbits.archive.storage import human
 from orbits.errors import InputError, shown, with_unit
+from orbits.marching.legs.march import March
 from orbits.plotting.words import fitting_time
-from orbits.propagation.chain_of_legs import ChangingMarch, March
 from orbits.propagation.control.wall_clock import seconds_of, wall_time_text
 from orbits.trajectory import Trajectory
 
@@ -153,8 +153,9 @@ class Beats:
         lost = len(self._marcher.retired())
         if massless:
             yield f"{massless - lost:,} of {massless:,} particles"
-        if isinstance(self._marcher, ChangingMarch):
-            there = int((self._marcher.changes().bodies_at(self._marcher.time).present & self._system.massive).sum())
+        changes = self._marcher.changes()
+        if changes is not None:
+            there = int((changes.bodies_at(self._marcher.time).present & self._system.massive).sum())
             yield f"{there:,} of {bodies - massless:,} massive bodies"
         if self._writer is not None:
             done, size = self._writer.committed, human(self._writer.size)
@@ -175,7 +176,7 @@ def drift_now(system: System, integrator: Integrator, grid: TimeGrid, marcher: M
         integrator=integrator,
         accounts=marcher.accounts()[None],
     )
-    run.changes = marcher.changes() if isinstance(marcher, ChangingMarch) else None
+    run.changes = marcher.changes()
     kept = run.drift()
     drifts = {"dE/E": kept.energy.last_fraction, "dL/L": kept.angular_momentum.last_fraction}
     return [f"{name} {drift:.1e}" for name, drift in drifts.items() if not math.isnan(drift)]

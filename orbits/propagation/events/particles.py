@@ -18,7 +18,7 @@ from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, Place
 from orbits.marching.following.excursion_rules import METHOD
-from orbits.marching.marcher import Marcher
+from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.events.along_motion import MotionSearch
 from orbits.propagation.events.base import Found, Sample
@@ -169,7 +169,7 @@ class ParticleSearches:
             yield from stretches(*march.towards(time))
 
 
-def stretches(march: Marcher, place: Place) -> Iterator[tuple[Motion, bool]]:
+def stretches(march: Legs, place: Place) -> Iterator[tuple[Motion, bool]]:
     """Yield the motion up to a place, block by block, and whether each is the last one. Raises what `approach` raises,
     after the steps before the one that failed.
     """

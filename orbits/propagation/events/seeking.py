@@ -20,7 +20,7 @@ from orbits.trajectory.events import NUMBER, TIME, Events, in_order
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.planet_excursions import Legs
     from orbits.system import System
 
 
@@ -51,9 +51,9 @@ class Seeking(MotionSearch):
         """The events that are sought on the motion of the bodies within the steps, as it was recorded."""
         return [self.asked.of[k] for k in self.asked.on_motion]
 
-    def check(self, marcher: Marcher) -> None:
+    def check(self, marcher: Legs) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
-        if self and not marcher.tells_motion:
+        if self and marcher.home.stepper.loops.parallel is not None:
             raise InputError(
                 "events are sought on the motion within steps, which is not recorded for the "
                 f"{len(self.asked.system):,} bodies of this run on several threads; use threads=1, or leave out "
@@ -105,7 +105,7 @@ class Seeking(MotionSearch):
 
     # ------------------------------------------------------------------------------------------- along the march
 
-    def after(self, marcher: Marcher) -> Found | None:
+    def after(self, marcher: Legs) -> Found | None:
         """Take the block that was just marched; return the first event in it that interrupts the run, if any.
 
         The events before it are then recorded, and it is as well; the march is at the begin of its step. So it is if
@@ -120,7 +120,7 @@ class Seeking(MotionSearch):
             marcher.pass_by()
         return found
 
-    def before_sample(self, marcher: Marcher, sample: Sample) -> Found | None:
+    def before_sample(self, marcher: Legs, sample: Sample) -> Found | None:
         """Return the event that ends the run between the state of the march and a sample less than a step ahead, if a
         pair of bodies comes to its bound there: where it is without a sample.
         """
@@ -134,7 +134,7 @@ class Seeking(MotionSearch):
                 return self._at_a_bound(marcher, end, sample.time)
         return self._at_a_bound(marcher, sample, sample.time)
 
-    def _at_a_bound(self, marcher: Marcher, end: Sample, until: float) -> Found | None:
+    def _at_a_bound(self, marcher: Legs, end: Sample, until: float) -> Found | None:
         """Return the first event that ends the run between the state of the march and another, if a pair of bodies
         comes to its bound up to a time; it is recorded, with those before it.
         """
@@ -153,7 +153,7 @@ class Seeking(MotionSearch):
         self.log.pass_by(time)
         return Found(number, column, rising, 0, time)
 
-    def _after(self, marcher: Marcher) -> Found | None:
+    def _after(self, marcher: Legs) -> Found | None:
         if not self:
             return None
         found = self.take(marcher.motion())
@@ -161,7 +161,7 @@ class Seeking(MotionSearch):
             marcher.go_back(found.steps)
         return found
 
-    def before(self, marcher: Marcher, time: float, record: bool) -> Found | None:
+    def before(self, marcher: Legs, time: float, record: bool) -> Found | None:
         """Seek events between the state of the march and a time less than a step ahead.
 
         record : whether to record them; otherwise only those up to one that interrupts the run are recorded, if any
@@ -175,7 +175,7 @@ class Seeking(MotionSearch):
             found = self._seek(rest.motion(), False, record)
         return found
 
-    def ahead(self, marcher: Marcher, time: float) -> Found | None:
+    def ahead(self, marcher: Legs, time: float) -> Found | None:
         """Seek the first event that interrupts the run between the state of the march and a time less than a step
         ahead, in the whole step: it is where it is without a sample at this time. If the march cannot take the step,
         on the way to the time.
@@ -187,7 +187,7 @@ class Seeking(MotionSearch):
             return marcher.after_next_step(lambda: self._seek(marcher.motion(), False, False, time))
         return self.before(marcher, time, record=False)
 
-    def before_in(self, steps: Iterable[Marcher], time: float) -> Found | None:
+    def before_in(self, steps: Iterable[Legs], time: float) -> Found | None:
         """Seek the first event that interrupts the run up to a time, in whole steps that lead beyond it.
 
         steps : marches that have taken one step each. Events are then where they are without a sample at this time.

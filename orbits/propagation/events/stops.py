@@ -20,7 +20,7 @@ from orbits.propagation.events.base import STOP, Array, Bound, Sample, Sought, W
 from orbits.propagation.events.kinds.of_pairs import Distance
 
 if TYPE_CHECKING:
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.planet_excursions import Legs
     from orbits.system import System
 
 
@@ -45,12 +45,12 @@ class Stops:
         self.bounds = bounds
         self.rows = np.array([[*sought[k], bound.distance**2] for k, bound in bounds.items()], dtype=np.float64)
 
-    def may_end(self, marcher: Marcher, end: Sample) -> bool:
+    def may_end(self, marcher: Legs, end: Sample) -> bool:
         """Return whether a pair may pass its bound between the state of the march and another."""
         within = _Within(marcher, end, -math.inf)
         return any(within.may_reach(bound).any() for bound in self.bounds.values())
 
-    def first(self, marcher: Marcher, end: Sample, known: float) -> Passed | None:
+    def first(self, marcher: Legs, end: Sample, known: float) -> Passed | None:
         """Return where a pair first passes its bound between the state of the march and another, less than a step
         ahead; None if none does.
 
@@ -70,7 +70,7 @@ class Stops:
 class _Within:
     """The motion of all bodies from the state of a march to another, computed by partial steps and kept."""
 
-    def __init__(self, marcher: Marcher, end: Sample, known: float) -> None:
+    def __init__(self, marcher: Legs, end: Sample, known: float) -> None:
         self._marcher, self._begun, self._length = marcher, marcher.time, end.time - marcher.time
         self._states: dict[float, tuple[Array, Array]] = {1.0: (end.q, end.v)}
         passed = (known - self._begun * math.copysign(1.0, self._length)) / abs(self._length)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.errors import InputError, with_unit
 from orbits.integrators.forms import padded
 from orbits.kernels.gravity.terms_and_forces import FIGURES
-from orbits.marching.stepping.blocks import steps_apart
+from orbits.marching.legs.step_keeping import steps_apart
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.marchers import bound
 from orbits.propagation.results.states_after_changes import LegsAgain
@@ -136,7 +136,8 @@ def _part_of_steps(
 ) -> None:
     """Write the `missing` states, by partial steps from kept ones."""
     direction, begun, n = trajectory.clock.direction, kept.times, len(trajectory.names)
-    partial = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1).partial_steps()
+    home = bound(trajectory.system, trajectory.integrator, trajectory.clock, threads=1).home
+    partial = home.stepper.partial_steps()
     for some in np.array_split(np.flatnonzero(missing), np.arange(MOST_AT_ONCE, missing.sum(), MOST_AT_ONCE)):
         asked = times[some]
         rows = np.searchsorted(begun[:, 0] * direction, asked * direction, side="right") - 1

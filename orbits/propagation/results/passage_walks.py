@@ -21,7 +21,7 @@ from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:
     from orbits.forces.base import Force
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.planet_excursions import Legs
     from orbits.propagation.results.passages_seen import Passage
     from orbits.system import System
     from orbits.trajectory import Trajectory
@@ -120,7 +120,7 @@ class Walk:
         start: float,
         integrator: Integrator | None = None,
         clock: Clock | None = None,
-    ) -> Marcher:
+    ) -> Legs:
         # All massive bodies are included, so the model of the run applies.
         values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
         how = integrator or self._integrator, clock or self._clock
@@ -142,7 +142,7 @@ class Pairs(Protocol):
 class OnePair:
     """The massive bodies, and the massless ones of a pair, at the beginning of a step, in a march of their own."""
 
-    def __init__(self, marcher: Marcher, bodies: NDArray[np.intp], passage: Passage) -> None:
+    def __init__(self, marcher: Legs, bodies: NDArray[np.intp], passage: Passage) -> None:
         self._marcher, self._rows = marcher, {int(body): row for row, body in enumerate(bodies)}
         self._passage = passage
 
@@ -198,7 +198,7 @@ class PairsTogether:
         self._times = np.asarray(clock.time(np.array([passage.step for passage in passages])), dtype=np.float64)
         one = states[0, 0], states[0, 1]
         march = bound(acting, trajectory.integrator, clock, threads=1, state=one, underway=True)
-        self._partial = march.partial_steps()
+        self._partial = march.home.stepper.partial_steps()
 
     def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
         """Return position and velocity of the bodies of some passages relative to the others, (m, 6)."""

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ArchiveError, IntegrationError
+from orbits.errors import ArchiveError
 from orbits.kernels.search import record
 from orbits.kernels.search.record import DISTANCE2, PARTNER, SPEED2, TIME
-from orbits.marching.planet_excursions import LeavingMarcher
+from orbits.marching.legs.record import Record
 from orbits.propagation.checks.passage_effect import Pair
 from orbits.propagation.marchers import bound, restore, unchanged
 from orbits.system.model import given_bodies
 
 if TYPE_CHECKING:
     from orbits.marching.clocks.constant import Clock
-    from orbits.marching.marcher import Marcher
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
@@ -32,60 +30,6 @@ UNBOUND = 2.0 * (1.0 + 1e-6)
 
 SAME = 1.5
 """The number of steps by which two records of one passage may differ."""
-
-
-class Record(NamedTuple):
-    """The record of a marcher: `closest` (4, 2, rows), or None if closest approaches were not looked for, and `listed`
-    (n, columns), see `orbits.kernels.search.record`; the number of passages left out; the row, in the kernels' order,
-    of the body that dominates the system, or -1; the distance from each massive body within which flybys are listed;
-    and the reading of the clock.
-    """
-
-    closest: Array | None
-    listed: Array
-    left_out: int
-    dominant: int
-    reaches: Array
-    end: float
-
-    @classmethod
-    def of(cls, marcher: Marcher, end: float) -> Record:
-        """Return the record of a marcher so far, including the rest of the run up to its end: the march goes on to the
-        last whole step before it; if steps differ, it ends there, and cannot go on.
-        """
-        with suppress(IntegrationError):  # where the run itself failed
-            if not marcher.clock.changes and abs(end) > abs(marcher.time):  # it was stopped behind its last sample
-                marcher.advance_to(marcher.clock.place(end))
-        dominant, reaches, step = marcher.dominant, marcher.reaches.copy(), marcher.reading
-        if isinstance(marcher, LeavingMarcher) and marcher.is_away:
-            return cls(*marcher.record_at(end), dominant, reaches, step)
-        if marcher.clock.changes:
-            if (end - marcher.time) * marcher.clock.direction > 0.0:  # not where a condition ended it later
-                with suppress(IntegrationError):  # where the run itself failed
-                    marcher.end_at(end)
-            return cls(_closest(marcher), *marcher.passages(), dominant, reaches, marcher.reading)
-        closest, (listed, left_out) = _closest(marcher), marcher.passages()
-        h = marcher.clock.h
-        rest = end - marcher.clock.time(step)
-        if not 0.0 < rest / h < 1.0:
-            return cls(closest, listed, left_out, dominant, reaches, step)
-        try:
-            part = marcher.part_of_a_step(rest)
-        except IntegrationError:  # where the run itself failed
-            return cls(closest, listed, left_out, dominant, reaches, step)
-        share = rest / h
-        if closest is not None:
-            later = part.approaches()
-            later[TIME] = step + share * later[TIME]
-            closest = np.where(later[DISTANCE2] < closest[DISTANCE2], later, closest)
-        more = part.passages()[0].copy()
-        more[:, record.STEP] = step
-        more[:, record.WHEN] = step + share * more[:, record.WHEN]
-        return cls(closest, np.concatenate([listed, more]), left_out, dominant, reaches, step)
-
-
-def _closest(marcher: Marcher) -> Array | None:
-    return marcher.approaches() if marcher.looks_for_approaches else None
 
 
 def observed_until(run: Trajectory) -> float:
@@ -179,7 +123,7 @@ class Seen:
                     f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
                     "behind the end of the run. Restore it from a copy."
                 )
-            record = Record.of(marcher, observed_until(trajectory))
+            record = marcher.record(observed_until(trajectory))
         return cls(trajectory.system, record, trajectory.clock)
 
     @property

@@ -11,7 +11,7 @@ from orbits.propagation.marchers import bound
 from orbits.trajectory.changes import BODY, GM, GONE, TIME, Q, V, of_bodies
 
 if TYPE_CHECKING:
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.planet_excursions import Legs
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -48,7 +48,7 @@ class LegsAgain:
         self._time, self._there = time, bodies.present & np.isfinite(q).all(axis=1)
         system = of_bodies(run.system, bodies._replace(present=self._there))
         state = (q[self._there], v[self._there])
-        self._march: Marcher = bound(system, run.integrator, run.clock, threads=1, state=state, start=time)
+        self._march: Legs = bound(system, run.integrator, run.clock, threads=1, state=state, start=time)
 
     def _state(self, time: float) -> tuple[Array, Array]:
         q, v = np.full((2, len(self._there), 3), np.nan)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from orbits.errors import ArchiveError
-from orbits.marching.planet_excursions import LeavingMarcher
-from orbits.propagation.chain_of_legs import ChangingMarch, March, march_of_run
+from orbits.marching.legs.march import March
 from orbits.propagation.events.base import Sample, Sought
 from orbits.propagation.events.from_archive import sought_again
 from orbits.propagation.events.seeking import Seeking
+from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import restore
 from orbits.propagation.resuming.sample_store import accounts_in
 from orbits.system.model import most_inner
@@ -22,6 +22,7 @@ from orbits.trajectory.archived import made_by
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
+    from orbits.propagation.chain_of_legs import ChangingMarch
 
 
 def taken_up(
@@ -46,8 +47,8 @@ def taken_up(
         checkpoint, committed = place
         restore(marcher, checkpoint, path)
         seeking.restore(checkpoint, marcher.reading != 0, path)
-        if isinstance(marcher, ChangingMarch):
-            marcher.follow_events()
+        if seeking.touching or seeking.act:
+            cast("ChangingMarch", marcher).follow_events()
         _check_place(marcher, grid, committed, path)
     return marcher, seeking, accounts
 
@@ -72,8 +73,7 @@ def _check_place(marcher: March, grid: TimeGrid, committed: int, path: str | Pat
         return
     steps = grid.steps
     # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
-    away = isinstance(marcher, LeavingMarcher) and marcher.is_away
-    last = int(steps[committed - 1]) if committed and not away else 0
+    last = int(steps[committed - 1]) if committed and not marcher.is_away else 0
     if not last <= marcher.step <= int(steps[committed]):
         raise ArchiveError(
             f"{path} is damaged: its checkpoint is at step {marcher.step}, but the samples before and after it are at "

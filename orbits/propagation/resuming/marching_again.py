@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError
-from orbits.marching.planet_excursions import PREFIX as AWAY
+from orbits.marching.legs.planet_excursions import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
     from orbits.marching.following.retirement import Retirement
-    from orbits.marching.marcher import Marcher
-    from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.marching.legs.march import March as Marching
     from orbits.propagation.control.stop_conditions import Stop
     from orbits.propagation.results.approach import Approach
     from orbits.propagation.results.approaches import Approaches
@@ -160,7 +159,7 @@ def missing(run: Trajectory, retired: list[Retirement]) -> bool:
     return bool(set(np.flatnonzero(lost)) - {one.body for one in retired})
 
 
-def lost_by_the_end(march: Marcher | ChangingMarch, run: Trajectory) -> list[Retirement]:
+def lost_by_the_end(march: Marching, run: Trajectory) -> list[Retirement]:
     """Return the retired particles of a run, whose march is at its end, with those lost in the step that leads beyond:
     it is marched up to the last sample, on a copy.
     """

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, InputError, StorageError
 from orbits.integrators.base import Integrator
-from orbits.marching.stepping.blocks import steps_apart
+from orbits.marching.legs.step_keeping import keep_steps, steps_apart
 from orbits.marching.stepping.kept_steps import PIECE_BYTES, StepsInMemory
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.time_grid import TimeGrid, dynamical_time
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.planet_excursions import Legs
     from orbits.system import System
 
 Array = NDArray[np.float64]
@@ -37,12 +37,12 @@ class StepStore:
     in_memory : whether they stay in memory; else `pieces` are written to an archive, and then cleared
     """
 
-    def __init__(self, marcher: Marcher, *, fresh: bool = True, in_memory: bool) -> None:
+    def __init__(self, marcher: Legs, *, fresh: bool = True, in_memory: bool) -> None:
         q, v = marcher.state()
         self.kept, self._in_memory = StepsInMemory(len(q)), in_memory
         if fresh:
             self.kept.add(np.zeros((1, 2)), q[None], v[None])
-        marcher.keep_steps(self._add, self.kept.take_back)
+        keep_steps(marcher.home, self._add, self.kept.take_back)
 
     def _add(self, times: Array, q: Array, v: Array) -> None:
         if self._in_memory and self.kept.nbytes + q.nbytes + v.nbytes > MEMORY_SHARE * memory():
@@ -94,7 +94,7 @@ def room_for_steps(system: System, integrator: Integrator, grid: TimeGrid) -> in
     return max(64, min(expected, FIRST_BYTES // (48 * len(system) + 16)))
 
 
-def continued(archive: Archive, marcher: Marcher) -> StepStore | None:
+def continued(archive: Archive, marcher: Legs) -> StepStore | None:
     """Return the store that continues the kept steps of an archive, if it has any, from its checkpoint.
 
     Raises ArchiveError if they do not lead up to the checkpoint.
@@ -102,7 +102,7 @@ def continued(archive: Archive, marcher: Marcher) -> StepStore | None:
     if archive.steps is None:
         return None
     rows = len(archive.steps)
-    if rows != _rows(archive.system, marcher.integrator, marcher.step) and (rows or marcher.step):
+    if rows != _rows(archive.system, marcher.problem.integrator, marcher.step) and (rows or marcher.step):
         raise ArchiveError(
             f"{archive.path} is damaged: it keeps {rows} steps, but its checkpoint is after {marcher.step}. Restore it "
             "from a copy."

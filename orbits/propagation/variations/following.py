@@ -13,7 +13,7 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.transformed import TimeTransformed
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 from orbits.marching.stepping.choice_of_form import form_of_bodies
 from orbits.marching.stepping.pool import Pool
 from orbits.marching.tangents.in_maps import MapTangents, require_map_tangents

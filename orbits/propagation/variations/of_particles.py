@@ -13,12 +13,12 @@ from orbits.checks import whole_number
 from orbits.errors import RetiredWarning, StepWarning, counted, with_unit
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
-from orbits.marching.marcher import available_threads
+from orbits.marching.legs.leg import available_threads
 from orbits.marching.tangents.of_particles import ParticleTangents, Passages
 from orbits.marching.watching.kepler_passages import HILL_RADII, near_a_planet
 from orbits.propagation.checks.kepler_splitting import encounters
 from orbits.propagation.marchers import bound
-from orbits.propagation.results.passages_seen import Record, Seen
+from orbits.propagation.results.passages_seen import Seen
 from orbits.system import System
 from orbits.system.model import model
 from orbits.time_grid import TimeGrid
@@ -79,7 +79,7 @@ def passages_of_run(system: System, integrator: Integrator, grid: TimeGrid, thre
     march = bound(system, method, grid.clock, threads=threads)
     try:
         march.advance_to(grid.place(len(grid) - 1))
-        seen = Seen(system, Record.of(march, float(grid.times[-1])), grid.clock)
+        seen = Seen(system, march.record(float(grid.times[-1])), grid.clock)
     finally:
         march.close()
     light, heavy = np.flatnonzero(~system.massive).tolist(), np.flatnonzero(system.massive).tolist()

@@ -70,13 +70,13 @@ def carried(cls: type[System], q: Floats, v: Floats, day: float, span: float) ->
         return q, v
     from orbits.integrators.gauss import Gauss
     from orbits.marching.clocks.constant import Place
-    from orbits.marching.marcher import Marcher
+    from orbits.marching.legs.leg import Leg
     from orbits.system.model import model
 
     system = full(cls, day, (q, v))
     acting, bodies = model(system), system.values
     steps = math.ceil(abs(span) / STEP)
-    marcher = Marcher(
+    marcher = Leg.of(
         acting.lagrangian,
         Gauss(stages=8),
         acting.vectors,

@@ -4,6 +4,7 @@ import numpy as np
 
 import orbits
 from orbits.marching.clocks.constant import Place
+from orbits.marching.legs import within_step
 from orbits.propagation.marchers import bound
 
 from ..problems import three_bodies
@@ -18,7 +19,7 @@ def test_a_march_that_ends_at_a_time_has_the_forces_of_the_march():
     marcher.approach(Place(0, 1.0))
     constant = bound(BRAKED, "gauss", 2.0**-7)
     constant.advance(2**7)
-    for found, expected in zip(marcher.ended_at(1.0).state(), constant.state(), strict=True):
+    for found, expected in zip(within_step.ended_at(marcher, 1.0).state(), constant.state(), strict=True):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)  # the drag moves them by 1e-2
 
 
@@ -29,5 +30,5 @@ def test_marches_made_within_a_step_have_the_forces_of_the_march():
     expected = marcher.state_after(0.01)
     end, place = marcher.towards(0.03)
     end.advance_to(place)
-    for found in (marcher.part_of_a_step(0.01).state(), end.state()):
+    for found in (within_step.ended_at(marcher, marcher.time + 0.01).state(), end.state()):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)

@@ -1,0 +1,289 @@
+"""A leg: the march of the same bodies by one method and one clock. Its loop is the only one over blocks of steps.
+
+The massive bodies march a block of steps; the massless particles then follow through the recorded stages, divided among
+threads in groups of whole lanes, so that the bits depend neither on the number of threads nor on the size of the block.
+Watchers look at each block, and the earliest of what they find ends it: the block is then marched again, from its
+beginning, up to that step.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import InputError, IntegrationError
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
+from orbits.lagrangians.base import Lagrangian
+from orbits.marching.clocks.constant import Clock, Place, clock_of
+from orbits.marching.following.excursion_rules import OwnSteps
+from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs import within_step
+from orbits.marching.legs.block_loop import BlockLoop
+from orbits.marching.legs.interruptions import LegWatcher
+from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals
+from orbits.marching.legs.march import March
+from orbits.marching.legs.particle_losses import ParticleLosses
+from orbits.marching.legs.problem import Problem
+from orbits.marching.legs.record import Record, record
+from orbits.marching.legs.stepper import State, Stepper
+from orbits.marching.legs.ways import way_of
+from orbits.marching.stepping.motion import Motion
+from orbits.marching.watching.passage_list import PassageList
+from orbits.marching.watching.watcher import Watcher, empty_record, limits_of
+
+
+def available_threads() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+class Leg(March):
+    """A march of fixed bodies: floats in, floats out.
+
+    problem : what is marched, and what is asked for along the way
+    q, v : (n, 3) float64, the initial state in the order of the caller
+    encounters : the watcher for encounters of massive bodies at which all of them leave, or None
+
+    stepper, times, observers, listing, losses, bounds : its parts
+    block : the most steps of a block
+    """
+
+    def __init__(self, problem: Problem, q: Array, v: Array, encounters: LegWatcher | None = None) -> None:
+        self.problem, self.clock = problem, problem.clock
+        self.times = problem.clock.step_times(problem.start)
+        gm, m = problem.gm[: len(problem.bodies)], len(problem.particles)
+        surfaces, followed = problem.surfaces_of_bodies, None
+        if m and problem.integrator.follows_encounters:
+            followed = OwnSteps.of(problem.lagrangian, gm, int(gm.argmax()), surfaces, problem.integrator.least_steps)
+        self.stepper = Stepper(problem, self.times, followed, q, v)
+        form, loops = self.stepper.form, self.stepper.loops
+        self.way = way_of(self.clock, form, followed is not None)
+        self.block = loops.steps
+        state = self.stepper.state
+        state["approaches"] = empty_record(len(problem.gm), problem.approaches)
+        if problem.energy_bound is not None and form.transforms:
+            raise InputError(
+                f"{problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: the "
+                "condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "
+                "run.drift()."
+            )
+        sees_dominant = surfaces is not None and self.way.pericentres and bool(surfaces[int(gm.argmax())])
+        limits = limits_of(problem.integrator, self.clock, sees_dominant)
+        self.observers = Watcher(
+            problem.strength,
+            problem.bodies,
+            problem.particles,
+            state["q"],
+            state["v"],
+            problem.stops,
+            problem.energy_bound,
+            *limits,
+            loops.times,
+            len(loops.tasks),
+            problem.radii,
+            problem.integrator.follows_kepler,
+            order=problem.integrator.order,
+            notes_nearest=form.notes_nearest(3 * len(gm)) and not problem.approaches,
+            whole_path=problem.dense or problem.integrator.follows_meetings,
+        )
+        self.observers.given = form.held(problem.parameters) == len(gm)
+        passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
+        self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
+        self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
+        self.bounds = Bounds()
+        some = encounters, self.losses if m else None, Refusals() if problem.integrator.refuses_meetings else None
+        self.loop = BlockLoop(self, [watcher for watcher in (*some, self.listing, self.bounds) if watcher is not None])
+        self.shown = state
+
+    @classmethod
+    def of(
+        cls,
+        lagrangian: Lagrangian,
+        integrator: Integrator,
+        parameters: Array | tuple[Array, ...],
+        massive: NDArray[np.bool_],
+        q: Array,
+        v: Array,
+        clock: Clock | float,
+        **options: Any,
+    ) -> Leg:
+        """Return the leg of a problem with these options; a number h is the clock of constant steps h."""
+        return cls(Problem(lagrangian, integrator, parameters, massive, clock_of(clock), **options), q, v)
+
+    # ------------------------------------------------------------------------------------------- where it is
+
+    @property
+    def step(self) -> int:
+        """Whole steps taken."""
+        return self.times.step
+
+    @property
+    def time(self) -> float:
+        """The time reached, since the start of the run."""
+        return self.times.time
+
+    @property
+    def reading(self) -> float:
+        """The reading of the clock: whole steps, or the time."""
+        return self.times.reading
+
+    @property
+    def met(self) -> int | None:
+        """Why the last block ended, see `Bounds`."""
+        return self.bounds.met
+
+    @met.setter
+    def met(self, why: int | None) -> None:
+        self.bounds.met = why
+
+    @property
+    def home(self) -> Leg:
+        """The leg whose clock the march has: itself."""
+        return self
+
+    def is_before(self, place: Place) -> bool:
+        """Return whether there may be whole steps left before a place."""
+        return self.times.is_before(place)
+
+    # ---------------------------------------------------------------------------------------------- the march
+
+    def approach(self, place: Place) -> None:
+        """March on by a block of steps, or by those before a place. Raises what `advance` raises."""
+        self.times.aim(place)
+        self.times.arrived = False
+        try:
+            self.loop.one_block(min(self.times.most(place), self.block, self.loop.most()))
+        finally:
+            self.bounds.passes = False
+        if self.bounds.met is None:
+            self.bounds.relax()
+
+    def advance(self, steps: int) -> None:
+        """March on by `steps` >= 0 steps, or by those before the place that it approaches.
+
+        Raises ConvergenceError or SingularityError; the state is then that before the step that failed.
+        """
+        self.times.arrived = False
+        while steps > 0:
+            steps -= self.loop.one_block(min(steps, self.block, self.loop.most()))
+            if self.loop.was_interrupted or self.times.arrived:
+                return
+
+    def go_back(self, steps: int) -> None:
+        """Return to the state after the first `steps` steps of the last block."""
+        self.loop.go_back(steps)
+
+    def step_back(self) -> None:
+        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
+        self.bounds.beware()
+        self.loop.go_back(self.loop.taken - 1)
+
+    def pass_by(self) -> None:
+        """Take the next step whatever pairs come to their bounds in it."""
+        self.bounds.passes = True
+
+    # ------------------------------------------------------------------------------------------- what it shows
+
+    def state(self) -> tuple[Array, Array]:
+        """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
+        self.losses.retired.begin()
+        self.shown = self.stepper.state
+        return self.stepper.gather(self.as_seen(), self.losses.retired.gone())
+
+    def as_seen(self, particles: NDArray[np.intp] | None = None) -> State:
+        """Return the state as it is seen, see `Stepper.as_seen`."""
+        return self.stepper.as_seen(self.losses.retired.block, particles)
+
+    def state_at(self, place: Place) -> tuple[Array, Array]:
+        """Return (q, v) at a place up to which the leg has advanced; see `within_step.state_at`."""
+        return within_step.state_at(self, place)
+
+    def state_after(self, offset: float) -> tuple[Array, Array]:
+        """Return (q, v) at a time less than a step ahead."""
+        return self.state() if offset == 0.0 else within_step.state_at(self, self.times.ahead(offset))
+
+    def retired(self) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the caller's bodies."""
+        return self.losses.listed(self)
+
+    def retired_by(self, time: float) -> list[Retirement]:
+        """Return these, and those that cannot be followed up to a time less than a step ahead."""
+        return within_step.retired_by(self, time)
+
+    def towards(self, time: float) -> tuple[Leg, Place]:
+        """Return a leg of the massive bodies that ends at a time less than a step ahead; see `within_step.towards`."""
+        return within_step.towards(self, time)
+
+    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
+        """Return (q, v) at the first of these times, and at others before the next step; see `within_step`."""
+        return within_step.states_before_next(self, times)
+
+    def motion(self) -> Motion:
+        """Return the motion of the massive bodies within the steps of the last block, for a leg with `dense`."""
+        count, loops = self.loop.taken, self.stepper.loops
+        path, kicks = self.observers.recorded(count), loops.kicks[:count]
+        if self.stepper.form.transforms:  # observers see states that are good enough for them, not to step on from
+            path, kicks = loops.seen(self.loop.begun["memory"], count), kicks[:0]
+        times = self.times.ends(), self.times.lengths()
+        return Motion(self.stepper.form, *times, path, kicks, self.stepper.partial_steps())
+
+    def accounts(self) -> Array:
+        """Return what is known of each force at the state returned last; see `Stepper.accounts`."""
+        return self.stepper.accounts(self.shown)
+
+    def record(self, end: float) -> Record:
+        """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
+        return record(self, end)
+
+    # ----------------------------------------------------------------------------------------- checkpoints, end
+
+    def checkpoint(self, *, seen: bool = False) -> dict[str, NDArray[np.generic]]:
+        """Return all that is needed to resume bit for bit; the arrays are copies.
+
+        seen : with q, v and their low parts as they are seen, for methods that march other variables
+        """
+        counts = np.array([self.step, *self.stepper.counts()], dtype=np.int64)
+        whole = {**self.stepper.state, **self.as_seen()} if seen else self.stepper.state
+        state = {name: array.copy() for name, array in whole.items()}
+        return {"counts": counts, **state, **self.listing.passages.checkpoint(), **self.losses.retired.checkpoint()}
+
+    def restore(self, checkpoint: Mapping[str, NDArray[np.generic]], *, seen: bool = False) -> None:
+        """Restore a checkpoint of a leg of the same problem. Raises InputError if it belongs to another one.
+
+        seen : whether to go on from q, v and their low parts as they are seen, whatever was marched
+        """
+        for name, array in self.stepper.state.items():
+            if name not in checkpoint or checkpoint[name].shape != array.shape:
+                got = checkpoint[name].shape if name in checkpoint else "nothing"
+                raise InputError(f"the checkpoint does not fit this run: {name} is {got}, expected {array.shape}")
+            if name != "approaches" and not np.isfinite(checkpoint[name]).all():
+                raise InputError(f"its checkpoint holds {name} that is not finite.")
+            array[...] = checkpoint[name]
+        self.times.step, *counts = (int(x) for x in checkpoint["counts"])
+        self.stepper.evaluations, self.stepper.particle_evaluations = counts
+        self.listing.passages.restore(checkpoint)
+        self.losses.retired.restore(checkpoint.get("retired"), self.step)
+        if seen and self.stepper.form.transforms:
+            self.stepper.loops.enter(self.stepper.state, self.clock, self.losses.retired.block)
+
+    def compile(self) -> None:
+        """Compile, or load from the cache, all that `advance` needs, by one step on a copy; its result is ignored."""
+        kind = self.stepper.loops.kind
+        if kind not in _COMPILED:
+            with suppress(IntegrationError):
+                self.loop.try_out()
+            _COMPILED.add(kind)
+
+    def close(self) -> None:
+        """Release the threads."""
+        self.stepper.loops.close()
+
+
+_COMPILED: set[tuple[Any, ...]] = set()
+"""The combinations of method, Lagrangian, particles or none, and few or many bodies compiled in this process."""

@@ -1,0 +1,142 @@
+"""What a leg marches: the bodies, what acts on them, the method, and what is asked for along the way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import InputError
+from orbits.forces.base import BoundForce
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array, Form
+from orbits.kernels.binding import Tag
+from orbits.kernels.gravity.terms_and_forces import acted_on
+from orbits.lagrangians.base import GIVEN, NEWTONIAN, SEPARABLE, Lagrangian
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.stepping.choice_of_form import form_of_bodies
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The problem of a leg: a frozen value.
+
+    lagrangian, integrator : the problem and the method
+    parameters : vector of the Lagrangian's kernels, for the massive bodies; for a sum of terms a tuple, Newton's first
+    massive : (n,) bool; which bodies are massive
+    clock : the times of the steps (see `orbits.marching.clocks.constant`)
+    names : (n,) names for messages
+    threads : how many threads massless particles, and thousands of massive bodies, may use
+    stops : (conditions, 4), see `orbits.kernels.search.stopping`, with rows numbered in the order of the caller: the
+        leg stops after each step in which a pair may come to its bound, until it is told to `pass_by`
+    energy_bound : relative energy error that ends the leg, or None
+    retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
+    forces : the forces without a Lagrangian, bound to these bodies
+    start : the time at which the leg begins; with a clock whose steps differ, which counts from 0, that which terms
+        and forces see when it reads 0
+    radii : (n,), of the bodies: a leg then ends after a step in which two may have come closer than their sum
+    dense : whether each step is recorded for `motion`
+    surfaces : (n,), radii of the bodies: massless particles that are followed in encounters, or by chosen steps, are
+        retired if they hit one
+    underway : whether it begins in a state of a run that is over, which decided which particles are retired before
+        encounters: here they are not, and may be in one
+    approaches : whether closest approaches are looked for; passages that the steps may not resolve are in any case
+    """
+
+    lagrangian: Lagrangian
+    integrator: Integrator
+    parameters: Array | tuple[Array, ...]
+    massive: NDArray[np.bool_]
+    clock: Clock
+    names: Sequence[str] = ()
+    threads: int = 1
+    stops: Array | None = None
+    energy_bound: float | None = None
+    retire: bool = False
+    forces: Sequence[BoundForce] = ()
+    start: float = 0.0
+    dense: bool = False
+    radii: Array | None = None
+    surfaces: Array | None = None
+    underway: bool = False
+    approaches: bool = True
+
+    def __post_init__(self) -> None:
+        self.clock.check(self.integrator)
+
+    def but(self, **changes: Any) -> Problem:
+        """Return the problem with some fields changed."""
+        return replace(self, **changes)
+
+    @cached_property
+    def bodies(self) -> NDArray[np.intp]:
+        """The numbers of the massive bodies among all, (massive,), in the order of the kernels."""
+        return np.flatnonzero(np.asarray(self.massive))
+
+    @cached_property
+    def particles(self) -> NDArray[np.intp]:
+        """The numbers of the massless particles among all, (particles,)."""
+        return np.flatnonzero(~np.asarray(self.massive))
+
+    @cached_property
+    def strength(self) -> Array:
+        """Newton's vector: the square of the softening, then GM of the massive bodies."""
+        first = self.parameters[0] if isinstance(self.parameters, tuple) else self.parameters
+        return np.ascontiguousarray(first)
+
+    @cached_property
+    def gm(self) -> Array:
+        """GM of the massive bodies, then zeros of the particles, (n,)."""
+        return np.concatenate([self.strength[1 : 1 + len(self.bodies)], np.zeros(len(self.particles))])
+
+    @cached_property
+    def surfaces_of_bodies(self) -> Array | None:
+        """Radii of the massive bodies on which particles that take steps of their own may fall, (massive,), or None."""
+        chosen = self.clock.lets_particles_choose and self.retire
+        follows = len(self.particles) > 0 and self.integrator.follows_encounters
+        if self.surfaces is None or not (chosen or follows):
+            return None
+        return np.asarray(self.surfaces, dtype=np.float64)[self.bodies]
+
+    @cached_property
+    def acting(self) -> tuple[Tag, Any]:
+        """The tag and the vectors of all that acts, for compiled code."""
+        if self.forces or SEPARABLE not in self.lagrangian.traits:
+            return acted_on(self.lagrangian.tag, self.parameters, self.forces)
+        return self.lagrangian.tag, self.parameters
+
+    @cached_property
+    def form(self) -> Form:
+        """The form of the method that marches it. Raises InputError if there is none."""
+        with_particles, given = len(self.particles) > 0, (self.integrator, self.lagrangian, self.clock)
+        form = form_of_bodies(*given, with_particles=with_particles, forces=self.forces)
+        given_all = not self.has_given or form.held(self.parameters) == len(self.bodies)
+        if with_particles and self.clock.lets_particles_choose and not given_all:
+            raise InputError(
+                "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass "
+                "are integrated along: give dt=..., or set the GM of these to 0."
+            )
+        return form.for_bodies(len(self.bodies))
+
+    @property
+    def exact(self) -> bool:
+        """Whether a map on Kepler orbits is exact: about a body that is alone."""
+        return len(self.bodies) == 1 and NEWTONIAN in self.lagrangian.traits
+
+    @property
+    def has_given(self) -> bool:
+        """Whether the motion of bodies is given."""
+        return GIVEN in self.lagrangian.traits
+
+    @property
+    def has_momenta(self) -> bool:
+        """Whether a term adds to the momenta m v."""
+        return SEPARABLE not in self.lagrangian.traits
+
+    def name(self, body: int) -> str:
+        """Return the name of a body, numbered as by the caller."""
+        return self.names[body] if self.names else f"body {body}"

@@ -1,0 +1,205 @@
+"""The stepper of a leg: its state, and the compiled code that moves it by a block of steps. It knows no watcher."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import IntegrationError
+from orbits.forces.base import BoundForce
+from orbits.integrators.forms import Array
+from orbits.kernels.gravity.terms_and_forces import FIGURES
+from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NOT_CONVERGED, OK, TOO_SHORT
+from orbits.marching.clocks.constant import Clock, StepTimes
+from orbits.marching.following.excursion_rules import OwnSteps
+from orbits.marching.legs.problem import Problem
+from orbits.marching.stepping.bound_loops import BoundLoops
+from orbits.marching.stepping.failures import failure_of_bodies, meeting
+from orbits.marching.stepping.partial_steps import PartialSteps
+
+if TYPE_CHECKING:
+    from orbits.marching.watching.watcher import Watcher
+
+State = dict[str, Array]
+_NOTHING = np.zeros(0)
+
+
+class Stepper:
+    """What moves the state of a leg by steps of its method.
+
+    problem : of the leg; times : of its steps
+    followed : the passages in which massless particles take steps of their own, of a map that cannot follow them
+    q, v : (n, 3), the initial state in the order of the caller
+
+    state : the arrays that a leg changes, by the names that archives have for them
+    evaluations, particle_evaluations : of the forces among massive bodies, and of the field at massless particles
+    """
+
+    def __init__(self, problem: Problem, times: StepTimes, followed: OwnSteps | None, q: Array, v: Array) -> None:
+        self.problem, self.form, self.times = problem, problem.form, times
+        n, m = len(problem.bodies), len(problem.particles)
+        self._size = 3 * n
+        acting, threads = problem.acting, problem.threads
+        self.loops = BoundLoops(self.form, *acting, problem.clock, n, m, threads, problem.dense, followed)
+        self.loops.begin(q, v, problem.bodies, problem.particles)
+        self.state: State = self.loops.state
+        self.form.set_inner(self.state, np.concatenate([_NOTHING, *(force.inner for force in problem.forces)]))
+        if self.form.transforms:
+            self.form.check_start(problem.parameters, q[problem.bodies], v[problem.bodies])
+            self.loops.enter(self.state, problem.clock)
+        alone = n == 1 and bool(m or problem.forces)
+        self.state |= problem.clock.array(problem.integrator, alone=alone, given=problem.has_given)
+        times.bind(self.state, self.loops.times, self.loops.steps)
+        self.evaluations = self.particle_evaluations = 0
+        self._partial: PartialSteps | None = None
+
+    def counts(self) -> tuple[int, int]:
+        """Return the numbers of evaluations so far."""
+        return self.evaluations, self.particle_evaluations
+
+    def take_counts(self, other: Stepper) -> None:
+        """Go on with the numbers of evaluations of another leg."""
+        self.evaluations, self.particle_evaluations = other.counts()
+
+    def bodies(
+        self, state: State, before: Mapping[str, Array], clock: Clock, numbers: Array, path: Array, count: int
+    ) -> int:
+        """March the massive bodies by at most `count` steps of a clock, recorded in `path` unless it is empty; return
+        how many were taken before the clock's limit. Raises ConvergenceError or SingularityError.
+
+        before : the state there, to tell which bodies met in a single step; numbers : see `StepTimes.numbers`
+        """
+        loops, times, own = self.loops, self.times, state is self.state
+        status, done, body, evaluations = loops.march(state, loops.bound(clock, numbers), path, count)
+        self.evaluations += evaluations
+        if status == BEYOND:
+            times.arrived = times.arrived or own
+            return int(done)
+        if status == OK:
+            return count
+        if status == INNER_NOT_CONVERGED:
+            raise self.failure(status, done, [], numbers)
+        if status in (NOT_CONVERGED, TOO_SHORT):
+            raise self.failure(status, done, self._meeting(state, None if status == TOO_SHORT else body), numbers)
+        raise self.failure(status, 0, self._met_in(state, before) if count == 1 else [], numbers)
+
+    def particles(
+        self,
+        state: State,
+        clock: Clock,
+        numbers: Array,
+        retired: NDArray[np.int64],
+        observers: Watcher | None,
+        count: int,
+    ) -> None:
+        """Let the massless particles follow the `count` steps that the bodies have just taken.
+
+        retired : see `Retired.block`; observers : what observes them, or None
+        """
+        if self.loops.tasks:
+            bound = self.loops.bound(clock, numbers)
+            self.particle_evaluations += self.loops.march_particles(state, bound, retired, observers, count)
+
+    def _met_in(self, state: State, before: Mapping[str, Array]) -> list[int]:
+        """Return the bodies, numbered as by the caller, that met in the one step from a state to one that is not
+        finite.
+        """
+        lost = np.flatnonzero(~np.isfinite(state["q"][: self._size] + state["v"][: self._size]))
+        return self._meeting(before, int(lost[0]) % (self._size // 3) if lost.size else 0)
+
+    def _meeting(self, state: Mapping[str, Array], body: int | None = None) -> list[int]:
+        """Return two massive bodies, the lighter one first: `body` and its nearest neighbour, or the closest pair."""
+        pair = meeting(state["q"][: self._size].reshape(3, -1), body)
+        return [int(self.problem.bodies[b]) for b in sorted(pair, key=lambda b: self.problem.strength[1 + b])]
+
+    def failure(
+        self, status: int, done: int, bodies: Sequence[int], numbers: Array | None = None
+    ) -> IntegrationError:
+        """Return the error for bodies, numbered as by the caller, that cannot take the step after `done` of a block.
+
+        numbers : of its clock there; None at the beginning of the block
+        """
+        problem = self.problem
+        names = [problem.name(body) for body in bodies]
+        time = self.times.time if numbers is None else self.times.failed_at(numbers, done)
+        acting = {"momenta": problem.has_momenta, "forces": bool(problem.forces)}
+        step = self.times.step + done
+        return failure_of_bodies(status, step, time, problem.clock, problem.integrator, names, **acting)
+
+    def copied(self) -> State:
+        """Return a copy of the state, which is marched without observers."""
+        return {name: array.copy() for name, array in self.state.items() if name != "approaches"}
+
+    def as_seen(self, retired: NDArray[np.int64], particles: NDArray[np.intp] | None = None) -> State:
+        """Return the state as it is seen: a copy, unless it is what is marched.
+
+        retired : see `Retired.block`; particles : those of which it is wanted; all by default
+        """
+        if not (self.form.transforms and self.times.step):
+            return self.state
+        copy = self.copied()
+        self.loops.leave(copy, self.problem.clock, retired, particles)
+        return copy
+
+    def cold(self, retired: NDArray[np.int64], clock: Clock) -> State:
+        """Return a copy of the state as it is seen, for a step of another clock: the carry belongs to steps of h."""
+        copy = {name: array.copy() for name, array in self.as_seen(retired).items() if name != "approaches"}
+        self.form.forget(copy["memory"])
+        if self.form.transforms:
+            self.loops.enter(copy, clock, retired)
+        elif not self.form.keeps_particles:
+            copy["particle_memory"][:] = 0.0
+        return copy
+
+    def gather(self, state: Mapping[str, Array], gone: NDArray[np.bool_]) -> tuple[Array, Array]:
+        """Return (q, v), each (n, 3), in the order of the caller; NaN for particles that are `gone`, (m,)."""
+        return tuple(self.in_order(state[x], state[f"particle_{x}"], gone) for x in "qv")  # type: ignore[return-value]
+
+    def in_order(self, bodies: Array, particles: Array, gone: NDArray[np.bool_]) -> Array:
+        """Combine vectors of the massive bodies and of the particles into (n, 3), in the order of the caller."""
+        of_bodies, of_particles = self.problem.bodies, self.problem.particles
+        columns, m = bodies[: self._size].reshape(3, -1), len(of_particles)
+        if not m:
+            return columns.T.copy()
+        x = np.empty((len(of_bodies) + m, 3))
+        x[of_bodies] = columns.T
+        x[of_particles] = particles[:, :m].T
+        x[of_particles[gone]] = np.nan
+        return x
+
+    def forces_now(self) -> tuple[BoundForce, ...]:
+        """Return the forces with their internal variables as they are now."""
+        forces = self.problem.forces
+        ends = np.cumsum([len(force.inner) for force in forces], dtype=int)
+        parts = np.split(self.form.inner_values(self.state), ends[:-1])
+        return tuple(replace(force, inner=y) for force, y in zip(forces, parts, strict=False))
+
+    def accounts(self, state: State) -> Array:
+        """Return what a state knows of each force, (forces, 7 + most internal variables): its time integrals on the
+        massive bodies, work, torque about the origin and impulse, times G; then its internal variables.
+        """
+        forces = self.problem.forces
+        most = max((len(force.inner) for force in forces), default=0)
+        out = np.zeros((len(forces), FIGURES + most))
+        out[:, :FIGURES] = self.form.accounts(state["memory"])
+        inner, at = self.form.inner_values(state), 0
+        for row, force in zip(out, forces, strict=True):
+            row[FIGURES : FIGURES + len(force.inner)] = inner[at : at + len(force.inner)]
+            at += len(force.inner)
+        return out
+
+    def partial_steps(self) -> PartialSteps:
+        """Return what takes partial steps of the massive bodies by this method."""
+        if self._partial is None:
+            self._partial = PartialSteps(self.form, *self.problem.acting, self._size // 3, self._partial_failure)
+        return self._partial
+
+    def _partial_failure(self, status: int, time: float) -> IntegrationError:
+        problem, momenta = self.problem, self.problem.has_momenta
+        return failure_of_bodies(
+            status, self.times.step, time, problem.clock, problem.integrator, [], momenta=momenta
+        )

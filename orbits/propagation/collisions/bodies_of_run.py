@@ -1,0 +1,126 @@
+"""Which bodies of a run are there, and marches of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.integrators.base import Integrator
+from orbits.kernels.steps import NOWHERE
+from orbits.marching.clocks import variable_steps as clocks
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.legs.planet_excursions import Legs
+from orbits.propagation.collisions.of_a_run import Collisions
+from orbits.propagation.marchers import bound
+from orbits.system import System
+from orbits.trajectory.changes import Bodies, Changes, no_changes, of_bodies
+
+Array = NDArray[np.float64]
+
+FIRST_BLOCK = 8
+"""The steps of the first block after a change; each block without an impact is followed by one twice as long."""
+
+
+class BodiesOfRun:
+    """The bodies of a run as they change, from which the march of each leg is made.
+
+    system : at the start; collisions : those that are sought, or None
+    dense : whether motion within steps is recorded; approaches : as in `propagate`
+
+    rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
+    bodies : as they are now; there : (n,), which are in the current leg
+    """
+
+    def __init__(
+        self,
+        system: System,
+        integrator: Integrator,
+        clock: Clock,
+        threads: int | None,
+        collisions: Collisions | None,
+        dense: bool,
+        approaches: bool | None,
+    ) -> None:
+        self.system, self.integrator, self.clock, self.collisions = system, integrator, clock, collisions
+        self._threads, self._dense, self._approaches = threads, dense, approaches
+        self.massive = system.massive
+        self.rows: Array = no_changes()
+        self.bodies: Bodies = self.changes().bodies_after(0)
+        self.there = np.ones(len(system), dtype=bool)
+        self._leg: System | None = None  # the bodies of this leg, once they are needed
+
+    def changes(self) -> Changes:
+        """Return the changes so far."""
+        return Changes(self.system, self.rows, self.clock.direction)
+
+    def note(self, rows: Array) -> None:
+        """Take all changes of the run so far, (k, COLUMNS)."""
+        self.rows = rows
+        self.bodies = self.changes().bodies_after(len(rows))
+
+    def begin_leg(self) -> None:
+        """Let the next leg have the bodies that are there now; massless ones that are gone keep their places."""
+        self.there, self._leg = self.bodies.present | ~self.massive, None
+
+    def present_massive(self) -> NDArray[np.bool_]:
+        """Return which massive bodies are there, (n,)."""
+        return np.asarray(self.massive & self.bodies.present)
+
+    def march(
+        self, q: Array, v: Array, clock: Clock, time: float = 0.0, *, seek: bool = True, copy: bool = False
+    ) -> Legs:
+        """Return a march of the bodies of this leg, of q and v (there, 3), from a time on.
+
+        seek : whether it ends where bodies may touch; copy : whether it is a copy, for few steps, which is not closed
+        """
+        if self._leg is None:
+            self._leg = of_bodies(self.system, self.bodies._replace(present=self.there))
+        q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
+        seek = seek and self.collisions is not None
+        radii = self.collisions.sought(self.bodies.radii)[self.there] if seek and self.collisions else None
+        threads = 1 if copy else self._threads
+        made = bound(
+            self._leg,
+            self.integrator,
+            clock,
+            threads,
+            state=(q, v),
+            start=0.0 if clock.changes else time,  # such a clock reads the time since the start of the run
+            radii=radii,
+            dense=self._dense,
+            approaches=self._approaches,
+        )
+        if clock.changes and time != 0.0:
+            now = made.checkpoint()
+            now["clock"][[clocks.TIME, clocks.NEXT]] = time
+            made.restore(now)
+        return made
+
+    def again(self, march: Legs, checkpoint: Mapping[str, NDArray[Any]], seek: bool = False) -> Legs:
+        """Return a march of this leg at one of the checkpoints of its `march`, without a goal."""
+        known = dict(checkpoint)
+        if self.clock.changes:
+            known["clock"] = known["clock"].copy()
+            known["clock"][clocks.LIMIT] = np.copysign(clocks.FARTHEST, self.clock.direction)
+        values, there = self.system.values, self.there
+        begun = march.problem.start
+        again = self.march(values.q[there], values.v[there], march.clock, begun, seek=seek, copy=True)
+        again.restore(known)
+        again.block = FIRST_BLOCK
+        return again
+
+    def whole(self, state: tuple[Array, Array], time: float) -> tuple[Array, Array]:
+        """Return a state of all bodies of the run, NaN for those that are gone at a time."""
+        q, v = np.full((2, len(self.there), 3), np.nan)
+        q[self.there], v[self.there] = state
+        gone = ~self.changes().bodies_at(time).present
+        q[gone] = v[gone] = np.nan
+        return q, v
+
+
+def state_in_step(start: Legs, time: float) -> tuple[Array, Array]:
+    """Return (q, v) at a time in the step that begins where a march is."""
+    return start.state_at(start.home.times.place_of(time))
