@@ -130,7 +130,7 @@ class Form:
 
     def notes_nearest(self, size: int) -> bool:
         """Return whether steps of `size` coordinates note how close the bodies come, in the rows NEAREST of the scratch
-        (see `orbits.kernels.maps.interaction`), so that all states are looked at only where a passage may be.
+        (see `orbits.kernels.maps.layout`), so that all states are looked at only where a passage may be.
         """
         return False
 

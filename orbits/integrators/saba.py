@@ -17,207 +17,20 @@ Source: Laskar & Robutel (2001), Celest. Mech. Dyn. Astron. 80, 39; Blanes, Casa
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
-
-import numpy as np
 
 from orbits.checks import is_one_of, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.forms import Array, padded
-from orbits.integrators.maps.dominant import registers_for
-from orbits.integrators.maps.on_kepler_orbits import (
-    InJacobiCoordinates,
-    begin_particles,
-    keep_particles,
-    rows_of,
-    stretch_rows,
-)
-from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, full
-from orbits.kernels.maps.interaction import ROWS, registers_of
-from orbits.kernels.maps.jacobi import enter_planets, finish_velocities, leave_planets, move_planets, prepare_room
-from orbits.kernels.maps.jacobi_particles import seen_particles
-from orbits.kernels.maps.jacobi_particles_entering import enter_among, leave_among
-from orbits.kernels.maps.jacobi_stages import (
-    particles_at_the_end,
-    particles_in_stages,
-    registers_in,
-    room_rows,
-    show_at_the_end,
-    step_in_stages,
-    step_in_stages_among_particles,
-    tabulate_the_end,
-)
-from orbits.kernels.maps.stages import DRIFT, STANDARD
-from orbits.kernels.steps import OK, Particles
+from orbits.integrators.maps.stages_form import KeplerStages
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
-from orbits.tableaux.near_integrable import KNOWN, REFINED, binary_splitting
-
-ENTRY, STAGES = 1, 2
-"""Rows of the coefficients: the motion from the states that are seen to what is marched, as a corrector of one stage,
-(drift, kick); then the stages of a step, (kick, drift). The first row is not used."""
-
+from orbits.tableaux.near_integrable import KNOWN, REFINED
 
 LEAST_STEPS: dict[tuple[int, ...], int] = {(10, 6, 4): 8, (8, 6, 4): 10}
 """Steps in a full turn at the speed of a pericentre, where less than those of one kick do. Asteroids with e = 0.9 among
 the giants are then as accurate after a hundred years as in steps of a fifth of that; with two fewer, Mercury is 3 and 1
 km off after a thousand years."""
-
-
-@kernel(inline=True)
-def _rooms(planets, scratch):
-    """Return the parts of the scratch: the room of the planets, and that for a copy of them."""
-    rows = room_rows(registers_in(planets))
-    return scratch[:rows], scratch[rows:]
-
-
-@kernel
-def enter(method, model, h, state, storage):
-    """Change to Jacobi coordinates within the first motion of a step."""
-    strength, planets = model.parameters, storage.carry
-    room, _ = _rooms(planets, storage.scratch)
-    enter_planets(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
-    move_planets(planets, room, method.coefficients[ENTRY, 0], 0.0)
-    finish_velocities(planets, room, 0.0)
-
-
-@kernel
-def leave(method, model, h, state, storage):
-    """Change back; the marched state is lost."""
-    strength, planets = model.parameters, storage.carry
-    room, _ = _rooms(planets, storage.scratch)
-    prepare_room(strength, planets, room)
-    move_planets(planets, room, -method.coefficients[ENTRY, 0], 0.0)
-    finish_velocities(planets, room, 0.0)
-    leave_planets(strength, planets, room, state.q, state.q_lo, state.p, state.p_lo)
-
-
-@kernel
-def show(method, model, state, storage):
-    """Write the state of the bodies."""
-    room, copy = _rooms(storage.carry, storage.scratch)
-    back = -method.coefficients[ENTRY, 0]
-    show_at_the_end(model.parameters, storage.carry, room, copy, back, state.q, state.p)
-
-
-@kernel
-def begin(method, model, t, h, state, storage):
-    """Write the constants of the planets."""
-    room, _ = _rooms(storage.carry, storage.scratch)
-    prepare_room(model.parameters, storage.carry, room)
-
-
-@kernel
-def step(method, model, t, h, state, storage):
-    """Take one step."""
-    room, _ = _rooms(storage.carry, storage.scratch)
-    stages = method.coefficients[STAGES:]
-    step_in_stages(registers_of(method), storage.carry, room, model.parameters.shape[0] - 2, stages)
-    return OK, 0, stages.shape[0]
-
-
-@kernel
-def step_among_particles(method, model, t, h, state, storage):
-    """As `step`, with the tables: of the planets to the same bits."""
-    room, copy = _rooms(storage.carry, storage.scratch)
-    stages = method.coefficients[STAGES:]
-    step_in_stages_among_particles(registers_of(method), model.parameters, storage.carry, room, stages, storage.stages)
-    tabulate_the_end(model.parameters, storage.carry, room, copy, -method.coefficients[ENTRY, 0], storage.stages)
-    return OK, 0, stages.shape[0]
-
-
-@kernel(inline=True)
-def step_particles(method, model, t, h, particles, carry, storage):
-    """Take one step of eight particles. They are returned as observers see them."""
-    rows, stages = storage.scratch, method.coefficients[STAGES:]
-    marched = particles_in_stages(model, carry, storage.stages, stages, rows)
-    ended = particles_at_the_end(marched, -method.coefficients[ENTRY, 0])
-    x, y, z, vx, vy, vz = seen_particles(storage.stages, 0, ended, rows)
-    zero = full(0.0)
-    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero), marched, OK, stages.shape[0]
-
-
-@kernel
-def enter_particles(method, model, state, particles, rows, storage):
-    """Change to Jacobi coordinates within the first motion of a step."""
-    strength, planets = model.parameters, storage.carry
-    room, _ = _rooms(planets, storage.scratch)
-    enter_planets(strength, state.q, state.q_lo, state.p, state.p_lo, planets, room)
-    entry = method.coefficients[:STAGES]
-    enter_among(model, entry, planets, room, storage.stages, particles, rows, storage.share)
-
-
-@kernel
-def leave_particles(method, model, state, particles, rows, storage):
-    """Change back; what is marched is lost."""
-    strength, planets = model.parameters, storage.carry
-    room, _ = _rooms(planets, storage.scratch)
-    prepare_room(strength, planets, room)
-    entry = method.coefficients[:STAGES]
-    leave_among(model, entry, planets, room, storage.stages, particles, rows, storage.share)
-
-
-@kernel
-def stretch(method, unit, factor):
-    """Write the coefficients of a step `factor` times as long."""
-    stretch_rows(method.coefficients, unit.coefficients, factor)
-
-
-@dataclass(frozen=True)
-class KeplerStages(InJacobiCoordinates):
-    """The steps of `SABA` in Jacobi coordinates, which are marched in the carry.
-
-    orders : the generalized order of the scheme
-    """
-
-    orders: tuple[int, ...]
-
-    kernels: ClassVar[Mapping[str, Any]] = {
-        "enter": enter,
-        "leave": leave,
-        "show": show,
-        "begin": begin,
-        "step": step,
-        "stretch": stretch,
-    }
-    more_kernels: ClassVar[Mapping[str, Any]] = {
-        "step": step_among_particles,
-        "begin_particles": begin_particles,
-        "step_particles": step_particles,
-        "keep_particles": keep_particles,
-        "enter_particles": enter_particles,
-        "leave_particles": leave_particles,
-    }
-
-    def coefficients(self, h: float, before: float) -> Array:
-        """Return the lengths of the motion to what is marched and of the stages of a step, (2 + s, 8)."""
-        drifts, kicks = binary_splitting(self.orders, h)
-        rows = np.zeros((STAGES + len(kicks), WIDTH))
-        rows[ENTRY, 0] = drifts[0]
-        rows[STAGES:, 0], rows[STAGES:, 1] = kicks, [*drifts[1:-1], drifts[-1] + drifts[0]]
-        return rows
-
-    def stages_of(self, h: float) -> tuple[Array, Array]:
-        """The motion to what is marched, and kicks and motions."""
-        rows = self.coefficients(h, h)
-        step = [pair for kick, drift in rows[STAGES:, :2].tolist() for pair in ((STANDARD, kick), (DRIFT, drift))]
-        return rows_of([(DRIFT, rows[ENTRY, 0])]), rows_of(step)
-
-    def stages_shape(self, size: int) -> tuple[int, int]:
-        """A table for each kick, and workspace; see `orbits.kernels.maps.jacobi_particles`. None are kept without
-        particles.
-        """
-        if not self.among_particles:
-            return 1, padded(size)
-        planets, kicks = size // 3 - 1, len(binary_splitting(self.orders, 1.0)[1])
-        return kicks * (3 * (planets + 1) + planets) + 3 * registers_for(size), WIDTH
-
-    def scratch_shape(self, size: int) -> tuple[int, int]:
-        """The rows of `orbits.kernels.maps.jacobi`, and a copy of the planets."""
-        return ROWS * registers_for(size) + WIDTH + self.carry_rows(size), WIDTH
 
 
 @dataclass(frozen=True)
@@ -330,4 +143,4 @@ def _orders(first: Any, second: Any, third: Any) -> tuple[int, ...]:
     )
 
 
-__all__ = ["SABA", "KeplerStages"]
+__all__ = ["SABA"]

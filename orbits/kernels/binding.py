@@ -12,6 +12,7 @@ Compiled code calls the functions below in the same way for both.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import wraps
 from typing import Any
 
 from numba import types
@@ -138,44 +139,46 @@ def adding(name, instead=None, optional=False):
     return each
 
 
-def totalling(name, count, instead=None):
-    """Return a function that sums, over the terms of a sum, the `count` numbers that the kernel of that name returns.
+def totalling(name, instead=None, skipped=0):
+    """Return a function that sums, over the terms of a sum, the numbers that the kernel of that name returns.
 
-    instead : the name of the kernel to call of terms without such a one, of whose numbers the last `count` are taken
+    instead : the name of the kernel to call of terms without such a one, of whose numbers the first `skipped` are left
+        out
     """
 
     @verb
+    def one(tags, strength, own, *rest):
+        compiled = kernel_of(tags.terms[0], name)
+        if compiled is not None:
+            return lambda tags, strength, own, *rest: compiled(strength, own, *rest)
+        replacing = kernel_of(tags.terms[0], instead)
+        return replacing and (lambda tags, strength, own, *rest: replacing(strength, own, *rest)[skipped:])
+
+    return total_of(one)
+
+
+def total_of(one):
+    """Return a function that sums over the terms of a sum what `one` returns of the first and of its own parameters."""
+
+    @verb
     def total(tags, strength, parameters, *rest):
-        compiled, skipped = kernel_of(tags.terms[0], name), 0
-        if compiled is None and instead is not None:
-            compiled, skipped = kernel_of(tags.terms[0], instead), count
-        if compiled is None:
-            return None
-        if len(tags.terms) == 1:
-            if skipped:
-                return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)[skipped:]
-            return lambda tags, strength, parameters, *rest: compiled(strength, parameters[0], *rest)
-
-        def part(tags, strength, parameters, *rest):
-            mine = compiled(strength, parameters[0], *rest)[skipped:]
-            return plus(mine, total(other_terms(tags), strength, parameters[1:], *rest))
-
-        def one(tags, strength, parameters, *rest):
-            mine = compiled(strength, parameters[0], *rest)
-            return mine + total(other_terms(tags), strength, parameters[1:], *rest)
+        def last(tags, strength, parameters, *rest):
+            return one(tags, strength, parameters[0], *rest)
 
         def several(tags, strength, parameters, *rest):
-            mine = compiled(strength, parameters[0], *rest)
+            mine = one(tags, strength, parameters[0], *rest)
             return plus(mine, total(other_terms(tags), strength, parameters[1:], *rest))
 
-        return part if skipped else (one if count == 1 else several)
+        return last if len(tags.terms) == 1 else several
 
     return total
 
 
 @verb
 def plus(a, b):
-    """Return the elementwise sum of two tuples."""
+    """Return the sum of two numbers, or the elementwise sum of two tuples."""
+    if not isinstance(a, types.BaseTuple):
+        return lambda a, b: a + b
     if len(a) == 3:
         return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2])
     return lambda a, b: (a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5])
@@ -191,10 +194,60 @@ add_hessians = adding("hessians")
 add_accelerations = adding("accelerate_some")
 add_inertia = adding("inertia", optional=True)
 momenta_of_terms = adding("momenta", instead="gradients")
-total_value = totalling("value", 1)
-total_field = totalling("field", 3)
-total_particle_gradients = totalling("particle_gradients", 6)
-total_particle_momenta = totalling("particle_momenta", 3, instead="particle_gradients")
+total_value = totalling("value")
+total_field = totalling("field")
+total_particle_gradients = totalling("particle_gradients")
+total_particle_momenta = totalling("particle_momenta", instead="particle_gradients", skipped=3)
+
+
+def of_lagrangian(add=None, total=None):
+    """Return a decorator of a function that is described by its arguments and docstring: compiled code calls the kernel
+    of its name; of a sum, that of its first term.
+
+    add : adds to that what the kernels of the other terms write; total : returns the sum of what they return
+    """
+
+    def decorated(described):
+        def choose(lagrangian, parameters, *rest):
+            def first(lagrangian, parameters, *rest):
+                return found(first_term(lagrangian), parameters[0], *rest)
+
+            def added(lagrangian, parameters, *rest):
+                found(first_term(lagrangian), parameters[0], *rest)
+                add(other_terms(lagrangian), parameters[0], parameters[1:], *rest)
+
+            def totalled(lagrangian, parameters, *rest):
+                base = found(first_term(lagrangian), parameters[0], *rest)
+                return plus(base, total(other_terms(lagrangian), parameters[0], parameters[1:], *rest))
+
+            if isinstance(lagrangian, SumType):
+                return totalled if total else added if add else first
+            compiled = kernel_of(lagrangian, described.__name__)
+            return compiled and (lambda lagrangian, parameters, *rest: compiled(parameters, *rest))
+
+        found = wraps(described)(verb(choose))
+        return found
+
+    return decorated
+
+
+def of_record(optional=False):
+    """Return a decorator of a function that is described by its arguments and docstring: compiled code calls the kernel
+    of its name of the tag with which its first argument begins, the record of a method or a clock.
+
+    optional : whether nothing is done without such a kernel
+    """
+
+    def decorated(described):
+        def choose(record, *rest):
+            compiled = kernel_of(record.types[0], described.__name__)
+            if compiled is None and optional:
+                return lambda record, *rest: None
+            return compiled and (lambda record, *rest: compiled(record, *rest))
+
+        return wraps(described)(verb(choose))
+
+    return decorated
 
 
 @verb
@@ -219,60 +272,27 @@ def bodies(lagrangian, parameters):
     return (lambda lagrangian, parameters: compiled(parameters)) if compiled else (lambda lagrangian, parameters: 0)
 
 
-@verb
+@of_lagrangian(total=total_value)
 def value(lagrangian, parameters, t, q, v):
     """Return L(q, v, t): float64 for vectors, `Lanes` for rows of eight stages (t is then `Lanes`)."""
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, t, q, v):
-            base = value(first_term(lagrangian), parameters[0], t, q, v)
-            return base + total_value(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v)
-
-        return summed
-    compiled = kernel_of(lagrangian, "value")
-    return compiled and (lambda lagrangian, parameters, t, q, v: compiled(parameters, t, q, v))
 
 
-@verb
+@of_lagrangian(add=add_gradients)
 def gradients(lagrangian, parameters, t, q, v, f, p):
     """Write dL/dq(q, v, t) into f and dL/dv(q, v, t) into p; vectors, or rows of eight stages with t in `Lanes`."""
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, t, q, v, f, p):
-            gradients(first_term(lagrangian), parameters[0], t, q, v, f, p)
-            add_gradients(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v, f, p)
-
-        return summed
-    compiled = kernel_of(lagrangian, "gradients")
-    return compiled and (lambda lagrangian, parameters, t, q, v, f, p: compiled(parameters, t, q, v, f, p))
 
 
-@verb
+@of_lagrangian(add=add_hessians)
 def hessians(lagrangian, parameters, t, q, v, out):
     """Write d2L/dq dq, d2L/dq dv and d2L/dv dv, each d x d row by row, into `out`: 3 d^2 elements or rows."""
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, t, q, v, out):
-            hessians(first_term(lagrangian), parameters[0], t, q, v, out)
-            add_hessians(other_terms(lagrangian), parameters[0], parameters[1:], t, q, v, out)
-
-        return summed
-    compiled = kernel_of(lagrangian, "hessians")
-    return compiled and (lambda lagrangian, parameters, t, q, v, out: compiled(parameters, t, q, v, out))
 
 
-@verb
+@of_lagrangian()
 def tides(lagrangian, parameters, q, some, out):
     """Write the derivatives of the accelerations of some bodies by their positions; of the first term of a sum alone.
 
     some : (m,) int64, their numbers in ascending order; out : (3m, 3m)
     """
-    if isinstance(lagrangian, SumType):
-        return lambda lagrangian, parameters, q, some, out: tides(
-            first_term(lagrangian), parameters[0], q, some, out
-        )
-    compiled = kernel_of(lagrangian, "tides")
-    return compiled and (lambda lagrangian, parameters, q, some, out: compiled(parameters, q, some, out))
 
 
 @verb
@@ -346,53 +366,26 @@ def accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
     return alone
 
 
-@verb
+@of_lagrangian()
 def dynamical_rate(lagrangian, parameters, q, v):
     """Return the square of the largest dynamical rate, 1 / (dynamical time)^2, and its time derivative."""
-    if isinstance(lagrangian, SumType):
-        return lambda lagrangian, parameters, q, v: dynamical_rate(first_term(lagrangian), parameters[0], q, v)
-    compiled = kernel_of(lagrangian, "dynamical_rate")
-    return compiled and (lambda lagrangian, parameters, q, v: compiled(parameters, q, v))
 
 
-@verb
+@of_lagrangian()
 def gross_attraction(lagrangian, parameters, q, i):
     """Return the sum of the magnitudes of the attractions on body i, whose vectors may cancel."""
-    if isinstance(lagrangian, SumType):
-        return lambda lagrangian, parameters, q, i: gross_attraction(first_term(lagrangian), parameters[0], q, i)
-    compiled = kernel_of(lagrangian, "gross_attraction")
-    return compiled and (lambda lagrangian, parameters, q, i: compiled(parameters, q, i))
 
 
-@verb
+@of_lagrangian(add=add_accelerations)
 def accelerate_some(lagrangian, parameters, q, out, start, stop):
     """Write the accelerations of bodies start ... stop - 1 only, bit for bit as `accelerate`; start is a multiple of
     8.
     """
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, q, out, start, stop):
-            accelerate_some(first_term(lagrangian), parameters[0], q, out, start, stop)
-            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, start, stop)
-
-        return summed
-    compiled = kernel_of(lagrangian, "accelerate_some")
-    return compiled and (lambda lagrangian, parameters, q, out, start, stop: compiled(parameters, q, out, start, stop))
 
 
-@verb
+@of_lagrangian(total=total_field)
 def field(lagrangian, parameters, sources, x, y, z):
     """Return the acceleration (ax, ay, az) of a massless particle at (x, y, z) in the field of `sources`."""
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, sources, x, y, z):
-            base = field(first_term(lagrangian), parameters[0], sources, x, y, z)
-            more = total_field(other_terms(lagrangian), parameters[0], parameters[1:], sources, x, y, z)
-            return plus(base, more)
-
-        return summed
-    compiled = kernel_of(lagrangian, "field")
-    return compiled and (lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z))
 
 
 @verb
@@ -448,25 +441,10 @@ def gross_field(lagrangian, parameters, sources, x, y, z):
     return lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z)
 
 
-@verb
+@of_lagrangian(total=total_particle_gradients)
 def particle_gradients(lagrangian, parameters, t, sources, speeds, place, velocity):
     """Return (dL/dx, dL/dv), six numbers, of the Lagrangian of a massless particle per unit mass.
 
     sources, speeds : positions and velocities of the massive bodies, (3n,) or (3n, 8), at the time t
     place, velocity : (x, y, z) and (vx, vy, vz) of the particle; float64 or `Lanes`
     """
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, t, sources, speeds, place, velocity):
-            base = particle_gradients(first_term(lagrangian), parameters[0], t, sources, speeds, place, velocity)
-            tags = other_terms(lagrangian)
-            more = total_particle_gradients(tags, parameters[0], parameters[1:], t, sources, speeds, place, velocity)
-            return plus(base, more)
-
-        return summed
-    compiled = kernel_of(lagrangian, "particle_gradients")
-
-    def call(lagrangian, parameters, t, sources, speeds, place, velocity):
-        return compiled(parameters, t, sources, speeds, place, velocity)
-
-    return compiled and call

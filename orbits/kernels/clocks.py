@@ -16,9 +16,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from orbits.kernels.binding import Tag, kernel_of
+from orbits.kernels.binding import Tag, of_record
 from orbits.kernels.compile import kernel
-from orbits.kernels.compile.verbs import verb
 from orbits.kernels.steps import step
 
 
@@ -30,20 +29,14 @@ class Clock(NamedTuple):
     room: Any
 
 
-@verb
+@of_record()
 def step_of(clock, k):
     """Return the time at which step k of a block begins, and its length."""
-    compiled = kernel_of(clock.types[0], "step_of")
-    return compiled and (lambda clock, k: compiled(clock, k))
 
 
-@verb
+@of_record()
 def take_step(clock, method, model, k, state, storage):
     """Take step k of a block. Returns (status, where, evaluations)."""
-    compiled = kernel_of(clock.types[0], "take_step")
-    return compiled and (
-        lambda clock, method, model, k, state, storage: compiled(clock, method, model, k, state, storage)
-    )
 
 
 START, FIRST, LENGTH = 0, 1, 2

@@ -23,37 +23,26 @@ again, with a partial step's own coefficients. `stretch`, `dense` and `resolves`
 
 from __future__ import annotations
 
-from orbits.kernels.binding import dimension, kernel_of
+from orbits.kernels.binding import dimension, of_record
 from orbits.kernels.compile import kernel
-from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, enter, leave, part
 from orbits.kernels.sums.summation import two_sum
 
 
-@verb
+@of_record()
 def dense(method, h, q, v, kicks, theta, out_q, out_v):
     """Write q and v at the fraction theta of a step of h that began at q and v and left `kicks` in the carry."""
-    compiled = kernel_of(method.types[0], "dense")
-    return compiled and (
-        lambda method, h, q, v, kicks, theta, out_q, out_v: compiled(method, h, q, v, kicks, theta, out_q, out_v)
-    )
 
 
-@verb
+@of_record()
 def resolves(method, h, q, kicks, bodies):
     """Return whether the polynomial through the forces of a step is as good as a partial step."""
-    compiled = kernel_of(method.types[0], "resolves")
-    return compiled and (lambda method, h, q, kicks, bodies: compiled(method, h, q, kicks, bodies))
 
 
-@verb
+@of_record(optional=True)
 def stretch(method, unit, factor):
     """Write the coefficients of steps `factor` times as long as those of `unit`; nothing for methods without it."""
-    compiled = kernel_of(method.types[0], "stretch")
-    if compiled is None:
-        return lambda method, unit, factor: None
-    return lambda method, unit, factor: compiled(method, unit, factor)
 
 
 @kernel(inline=True)

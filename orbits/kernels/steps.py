@@ -41,7 +41,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from orbits.kernels.binding import kernel_of
+from orbits.kernels.binding import kernel_of, of_record
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.paths import record_strip
@@ -142,47 +142,29 @@ class Storage(NamedTuple):
     share: Any
 
 
-@verb
+@of_record(optional=True)
 def begin(method, model, t, h, state, storage):
     """Compute what is derived from the state; does nothing for a method without `begin`."""
-    compiled = _kernel(method, "begin")
-    if compiled is None:
-        return lambda method, model, t, h, state, storage: None
-    return lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage)
 
 
-@verb
+@of_record()
 def step(method, model, t, h, state, storage):
     """Take one step. Returns (status, where, evaluations)."""
-    compiled = _kernel(method, "step")
-    return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
 
 
-@verb
+@of_record(optional=True)
 def enter(method, model, h, state, storage):
     """Compute what is marched from what is seen; does nothing for a method that marches this."""
-    compiled = _kernel(method, "enter")
-    if compiled is None:
-        return lambda method, model, h, state, storage: None
-    return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
 
 
-@verb
+@of_record(optional=True)
 def leave(method, model, h, state, storage):
     """Compute what is seen from what is marched; does nothing for a method that marches this."""
-    compiled = _kernel(method, "leave")
-    if compiled is None:
-        return lambda method, model, h, state, storage: None
-    return lambda method, model, h, state, storage: compiled(method, model, h, state, storage)
 
 
-@verb
+@of_record(optional=True)
 def show(method, model, state, storage):
     """Compute what observers see; does nothing for a method that marches what is seen."""
-    compiled = _kernel(method, "show")
-    if compiled is None:
-        return lambda method, model, state, storage: None
-    return lambda method, model, state, storage: compiled(method, model, state, storage)
 
 
 @verb
@@ -204,34 +186,26 @@ def record(method, model, state, storage, path, row):
     return show_in_path
 
 
-@verb
+@of_record()
 def prepare(method, h, before, storage):
     """Write the coefficients of a step of h that follows one of `before`."""
-    compiled = _kernel(method, "prepare")
-    return compiled and (lambda method, h, before, storage: compiled(method, h, before, storage))
 
 
-@verb
+@of_record(optional=True)
 def end_late(method, by):
     """Tell a method by how much the end of its next step is later than t + h, as the clock rounds; for one that needs
     to know.
     """
-    compiled = _kernel(method, "end_late")
-    return (lambda method, by: compiled(method, by)) if compiled else (lambda method, by: None)
 
 
-@verb
+@of_record()
 def signal(method, model, h, state, storage):
     """Return the fraction of the forces that the step just taken did not resolve."""
-    compiled = _kernel(method, "signal")
-    return compiled and (lambda method, model, h, state, storage: compiled(method, model, h, state, storage))
 
 
-@verb
+@of_record()
 def elapsed(method, state, storage):
     """Return the time that the step just taken took, as a pair in doubled precision."""
-    compiled = _kernel(method, "elapsed")
-    return compiled and (lambda method, state, storage: compiled(method, state, storage))
 
 
 @verb
@@ -250,22 +224,14 @@ def begin_particles(method, model, particles, storage):
     return lambda method, model, particles, storage: compiled(method, model, particles, storage)
 
 
-@verb
+@of_record()
 def step_particles(method, model, t, h, particles, carry, storage):
     """Take one step of massless particles. Returns (particles, carry, status, evaluations)."""
-    compiled = _kernel(method, "step_particles")
-    return compiled and (
-        lambda method, model, t, h, particles, carry, storage: compiled(method, model, t, h, particles, carry, storage)
-    )
 
 
-@verb
+@of_record(optional=True)
 def keep_particles(method, carry, storage):
     """Keep the carry of eight particles at the end of a block; by default it is lost."""
-    compiled = _kernel(method, "keep_particles")
-    if compiled is None:
-        return lambda method, carry, storage: None
-    return lambda method, carry, storage: compiled(method, carry, storage)
 
 
 @verb
@@ -311,22 +277,14 @@ def keep_pair(method, carry, storages):
     return keep_each
 
 
-@verb
+@of_record()
 def enter_particles(method, model, state, particles, rows, storage):
     """Compute what is marched of particles from what is seen."""
-    compiled = _kernel(method, "enter_particles")
-    return compiled and (
-        lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)
-    )
 
 
-@verb
+@of_record()
 def leave_particles(method, model, state, particles, rows, storage):
     """Compute what is seen of particles from what is marched."""
-    compiled = _kernel(method, "leave_particles")
-    return compiled and (
-        lambda method, model, state, particles, rows, storage: compiled(method, model, state, particles, rows, storage)
-    )
 
 
 def lanes_of(method):

@@ -7,9 +7,17 @@ import pytest
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.kernels.maps.interaction import displace, interact, modify
-from orbits.kernels.maps.jacobi import advance_planets, finish_velocities, step_lazy, step_modified, step_plain
+from orbits.kernels.maps.interaction import displace, interact
+from orbits.kernels.maps.interaction_along_itself import modify
+from orbits.kernels.maps.jacobi_stages import (
+    advance_planets,
+    finish_velocities,
+    step_lazy,
+    step_modified,
+    step_plain,
+)
 from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
+from orbits.kernels.steps import Model
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
@@ -57,7 +65,8 @@ def marcher(gm, q, v, h, *, looks=True, **options):
 @pytest.mark.parametrize("kick", ["standard", "modified-kick", "lazy"])
 def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
     h = 3.0
-    march = marcher(*solar_system(count), h, kernel=kick)
+    gm, q, v = solar_system(count)
+    march, model = marcher(gm, q, v, h, kernel=kick), Model(newtonian.tag, parameters(gm))
     march.advance(5)
     begun = march.stepper.state["memory"], march.stepper.loops._scratch
     planets, room = (x.copy() for x in begun)
@@ -67,13 +76,13 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
         advance_planets(other, its_room, h, h / 2)
         interact(other, its_room, count, False)
         if kick == "standard":
-            step_plain(None, planets, room, h)
+            step_plain(None, model, planets, room, h)
         elif kick == "lazy":
-            step_lazy(None, planets, room, h, shift)
+            step_lazy(None, model, planets, room, h, shift)
             displace(other, its_room, shift)
             interact(other, its_room, count, True)
         else:
-            step_modified(None, planets, room, h, shift)
+            step_modified(None, model, planets, room, h, shift)
             modify(other, its_room, count, shift)
         finish_velocities(other, its_room, h / 2)
     assert np.isfinite(planets).all()

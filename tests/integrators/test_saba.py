@@ -11,8 +11,8 @@ from orbits import diagnostics
 from orbits.errors import StepWarning
 from orbits.integrators import parse
 from orbits.kernels.maps.interaction import interact
-from orbits.kernels.maps.jacobi import advance_planets, finish_velocities
-from orbits.kernels.maps.jacobi_stages import step_in_stages
+from orbits.kernels.maps.jacobi_stages import advance_planets, finish_velocities, step_in_stages
+from orbits.kernels.maps.programs import LENGTH, programs_of
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 
@@ -110,10 +110,10 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(count):
     planets = run.stepper.state["memory"]
     room = run.stepper.loops._scratch[: -len(planets)]
     other, its_room = planets.copy(), room.copy()
-    stages = DEFAULT.second_order.coefficients(6.0, 6.0)[2:]
+    _, stages = programs_of.py_func(DEFAULT.second_order.coefficients(6.0, 6.0))
     for _ in range(10):
         step_in_stages(None, planets, room, count, stages)
-        for kick, drift in stages[:, :2]:
+        for kick, drift in stages[:, LENGTH].reshape(-1, 2):
             interact(other, its_room, count, False)
             advance_planets(other, its_room, drift, kick)
             finish_velocities(other, its_room, 0.0)

@@ -49,13 +49,13 @@ from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.collocation.lengths import signal
 from orbits.integrators.collocation.rows import HB, HC, HC_LO, is_close
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import accelerate, accelerate_close, dimension, first_term
+from orbits.kernels.binding import Tag, accelerate, accelerate_close, dimension, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.gravity.terms_and_forces import FIGURES, Moment, account, add_acting, add_terms, inner_variables
 from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, store
 from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_FINITE, OK
-from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, PATIENCE, judge_rows, settled, unsettled_body
+from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, settled, solve, unsettled_body
 from orbits.kernels.sums.summation import two_sum
 from orbits.tableaux import SymplecticTableau
 
@@ -121,14 +121,14 @@ def end(method, model, t, h, state, stages, work, carry):
 
 
 @kernel(inline=True)
-def place(method, q, V, work, stages, v, d):
+def place(method, q, v, stages, work, d):
     """Write positions and velocities of the stages."""
     table = method.coefficients[0]
     hb = load(table, HB)
     for k in range(d):
         W = load(work.W, k)
         store(work.change, k, hb * W)
-        store(V, k, v[k] + W)
+        store(stages.V, k, v[k] + W)
     for k in range(d):
         put(method, stages, k, q[k], load(work.base, k) + combine(table, MU, work.change, k))
 
@@ -187,15 +187,54 @@ def begin_stages(method, model, t, h, state, storage):
 
 
 @kernel(inline=True)
+def sweep(equations, first):
+    """Compute the velocities W of the stages, relative to v, from the forces and momenta there, and these from W."""
+    method, model, times, q, v, stages, work, inner = equations
+    table, strength, d = method.coefficients[0], model.parameters[0], dimension(model.tag, model.parameters)
+    n, each = d // 3, parts(method, d)
+    place(method, q, v, stages, work, d)
+    inner_converged = place_inner(method, inner_variables(model.tag), inner, work)
+    evaluate(method, model, times, stages, work, d)
+    for i in range(each):
+        most = full(0.0)
+        for k in range(i, d, each):
+            W = combine(table, MU_BAR, work.G, k) - (load(work.S, k) - work.s[k]) / strength[1 + k % n]
+            most = maximum(most, abs(W) if first else abs(W - load(work.W, k)))
+            store(work.W, k, W)
+        store(work.change, i, most)
+    for i in range(each, (each + WIDTH - 1) // WIDTH * WIDTH):
+        store(work.change, i, full(0.0))
+    return work.change, inner_converged
+
+
+STAGES = Tag("stages of bodies in canonical form", {"sweep": sweep})
+
+
+@kernel(inline=True)
+def iterate(rule, equations, history, n, each):
+    """Iterate the velocities of the stages of n bodies by the sweeps of a rule; `each` coordinates or bodies are to
+    converge. Returns (status, body, evaluations).
+    """
+    history = history[: 3 * ((each + WIDTH - 1) // WIDTH)]
+    _, evaluations, inner_converged, _ = solve(rule, equations, history, NEAR_FLOOR, True, LIMIT)
+    if not inner_converged:
+        return INNER_NOT_CONVERGED, 0, evaluations
+    if not settled(history, CONVERGED):
+        body = unsettled_body(history, n, each // n, CONVERGED)
+        if body >= 0:
+            return NOT_CONVERGED, body, evaluations
+    return OK, 0, evaluations
+
+
+@kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step; `storage.carry` holds the velocities of the stages of the previous step, or with low parts the
     kicks by which they are a polynomial, then the accounts of forces.
     """
-    table, strength = method.coefficients[0], model.parameters[0]
+    table = method.coefficients[0]
     q, q_lo, v, v_lo = state
     d = dimension(model.tag, model.parameters)
-    n, rows, each, count = d // 3, q.shape[0], parts(method, d), inner_variables(model.tag)
-    blocks = (each + WIDTH - 1) // WIDTH
+    rows, count = q.shape[0], inner_variables(model.tag)
     work, stages = work_in(storage.scratch, rows, inner_rows(count)), stages_in(storage.stages, rows)
     times = load(table, HOURS) + t
     hc, hc_lo = load(table, HC), load(table, HC_LO)
@@ -208,32 +247,10 @@ def step(method, model, t, h, state, storage):
     books = storage.carry[rows:]
     inner = books[books.shape[0] - inner_rows(count) // WIDTH * 2 :]
     clear(work.D)
-    evaluations, patience, last, history = 0, PATIENCE, False, work.history[: 3 * blocks]
-    while True:
-        place(method, q, stages.V, work, stages, v, d)
-        inner_converged = place_inner(method, count, inner, work)
-        evaluate(method, model, times, stages, work, d)
-        for i in range(each):
-            most = full(0.0)
-            for k in range(i, d, each):
-                W = combine(table, MU_BAR, work.G, k) - (load(work.S, k) - work.s[k]) / strength[1 + k % n]
-                most = maximum(most, abs(W) if evaluations == 0 else abs(W - load(work.W, k)))
-                store(work.W, k, W)
-            store(work.change, i, most)
-        for i in range(each, WIDTH * blocks):
-            store(work.change, i, full(0.0))
-        evaluations += 1
-        if last and inner_converged:
-            break
-        history, patience, last = judge_rows(work.change, history, evaluations, patience, NEAR_FLOOR)
-        if evaluations == LIMIT:
-            break
-    if not inner_converged:
-        return INNER_NOT_CONVERGED, 0, evaluations
-    if not settled(history, CONVERGED):
-        body = unsettled_body(history, n, each // n, CONVERGED)
-        if body >= 0:
-            return NOT_CONVERGED, body, evaluations
+    equations = method, model, times, q, v, stages, work, inner
+    status, body, evaluations = iterate(STAGES, equations, work.history, d // 3, parts(method, d))
+    if status != OK:
+        return status, body, evaluations
     if not finite(work.G, work.W, d):
         return NOT_FINITE, 0, evaluations
     status, body = end(method, model, t, h, state, stages, work, storage.carry)

@@ -36,9 +36,9 @@ def momenta(model, t, q, v, f, s):
 
 
 @kernel(inline=True)
-def settle(model, t, state, stages, work, d):
-    """Write the velocities at the time t, the end of a step, from the kicks. Returns a body whose velocity does not
-    converge, or -1.
+def settle(model, t, state, stages, work, held, d):
+    """Write the velocities of bodies `held` ... n - 1 at the time t, the end of a step, from the kicks. Returns a body
+    whose velocity does not converge, or -1.
     """
     v, v_lo = state.p, state.p_lo
     strength, n = model.parameters[0], d // 3
@@ -46,7 +46,7 @@ def settle(model, t, state, stages, work, d):
     for _ in range(VELOCITY_SWEEPS):
         momenta(model, t, stages.q_end, stages.v_end, work.f, work.s_end)
         body, now = 0, 0.0
-        for i in range(n):
+        for i in range(held, n):
             off = size = 0.0
             for k in range(i, d, n):
                 kick, lost = two_sum(work.kick[k], -(work.s_end[k] - work.s[k]) / strength[1 + i])
@@ -58,8 +58,9 @@ def settle(model, t, state, stages, work, d):
         if now == 0.0 or (now <= SETTLED and now >= last):
             break
         last = now
-    for k in range(d):
-        v[k], v_lo[k] = stages.v_end[k], work.f[k]
+    for i in range(held, n):
+        for k in range(i, d, n):
+            v[k], v_lo[k] = stages.v_end[k], work.f[k]
     return -1 if now <= SETTLED else body
 
 
@@ -79,7 +80,7 @@ def finish(method, model, t, h, state, stages, work, d):
         store(stages.v_end, k, load(v, k) + kick)
         store(work.kick, k, kick)
         store(work.kick_lo, k, kick_lo)
-    body = settle(model, t, state, stages, work, d)
+    body = settle(model, t, state, stages, work, 0, d)
     return (OK, 0) if body < 0 else (NOT_CONVERGED, body)
 
 
@@ -143,5 +144,5 @@ def finish_finely(method, model, times, h, state, stages, work, L):
         store(stages.v_end, k, load(v, k) + kick)
         store(work.kick, k, kick)
         store(work.kick_lo, k, kick_lo)
-    body = settle(model, end, state, stages, work, d)
+    body = settle(model, end, state, stages, work, 0, d)
     return (OK, 0) if body < 0 else (NOT_CONVERGED, body)

@@ -21,13 +21,13 @@ from orbits.integrators.canonical.room import (
 )
 from orbits.integrators.collocation.particles import is_round_off
 from orbits.integrators.collocation.rows import HB, HC, HC_LO, is_close, place
-from orbits.kernels.binding import dimension, field, field_close, first_term
+from orbits.kernels.binding import Tag, dimension, field, field_close, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.gravity.terms_and_forces import particle_acting, particle_momenta, particle_terms
 from orbits.kernels.lanes import fma, full, largest, load, store, total
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
-from orbits.kernels.sums.iteration import CONVERGED, LIMIT, LOST, NEAR_FLOOR, PATIENCE
+from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, solve
 from orbits.kernels.sums.summation import add_compensated, moved, two_sum
 
 
@@ -79,26 +79,67 @@ def pull(method, model, stages, places):
     return with_low_parts
 
 
+# Rows of the scratch of a particle's step: of three numbers each but the places, see `pull`.
+PRODUCTS, PLACES, W, G, D = 0, 3, 10, 13, 16
+
+
 @verb
-def keep(method, table, room, v, W, G, D, carry):
+def keep(method, table, room, v, carry):
     """Write what is kept of the stages into the carry: their velocities, or with low parts the kicks by which these are
     a polynomial.
     """
     if is_close(method):
 
-        def kicks(method, table, room, v, W, G, D, carry):
+        def kicks(method, table, room, v, carry):
             for k in range(3):
-                store(room, k, D[k])
-                store(carry, k, G[k] - combine(table, INVERSE, room, k))
+                store(carry, k, load(room, G + k) - combine(table, INVERSE, room, D + k))
 
         return kicks
 
-    def velocities(method, table, room, v, W, G, D, carry):
-        store(carry, 0, v[0] + W[0])
-        store(carry, 1, v[1] + W[1])
-        store(carry, 2, v[2] + W[2])
+    def velocities(method, table, room, v, carry):
+        for k in range(3):
+            store(carry, k, v[k] + load(room, W + k))
 
     return velocities
+
+
+@kernel(inline=True)
+def sweep(equations, first):
+    """Compute the velocities W of the stages, relative to that of the particle, from the kicks G and the momenta there,
+    and these from W. D are the momenta of terms, less s, that at the start.
+    """
+    method, model, times, number, stages, base, (x, y, z), (vx, vy, vz), (sx, sy, sz), room = equations
+    table = method.coefficients[0]
+    hb, places = load(table, HB), room[PLACES:]
+    Wx, Wy, Wz = load(room, W), load(room, W + 1), load(room, W + 2)
+    store(room, PRODUCTS, hb * Wx)
+    store(room, PRODUCTS + 1, hb * Wy)
+    store(room, PRODUCTS + 2, hb * Wz)
+    place(method, places, 0, 3, x, base[0] + combine(table, MU, room, 0))
+    place(method, places, 1, 3, y, base[1] + combine(table, MU, room, 1))
+    place(method, places, 2, 3, z, base[2] + combine(table, MU, room, 2))
+    ax, ay, az = pull(method, model, stages, places)
+    here, velocity = (load(places, 0), load(places, 1), load(places, 2)), (vx + Wx, vy + Wy, vz + Wz)
+    bx, by, bz, Sx, Sy, Sz = particle_terms(model.tag, model.parameters, times, stages.Q, stages.V, here, velocity)
+    cx, cy, cz = particle_acting(model.tag, model.parameters, times, number, stages.Q, stages.V, here, velocity)
+    store(room, G, hb * (ax + (bx + cx)))
+    store(room, G + 1, hb * (ay + (by + cy)))
+    store(room, G + 2, hb * (az + (bz + cz)))
+    store(room, D, Sx - sx)
+    store(room, D + 1, Sy - sy)
+    store(room, D + 2, Sz - sz)
+    new_x = combine(table, MU_BAR, room, G) - load(room, D)
+    new_y = combine(table, MU_BAR, room, G + 1) - load(room, D + 1)
+    new_z = combine(table, MU_BAR, room, G + 2) - load(room, D + 2)
+    store(room, W, new_x)
+    store(room, W + 1, new_y)
+    store(room, W + 2, new_z)
+    if first:
+        return abs(new_x) + abs(new_y) + abs(new_z), True
+    return abs(new_x - Wx) + abs(new_y - Wy) + abs(new_z - Wz), True
+
+
+STAGES = Tag("stages of a particle in canonical form", {"sweep": sweep})
 
 
 @kernel(inline=True)
@@ -109,68 +150,32 @@ def step_particles(method, model, t, h, particles, carry, storage):
         polynomial; `storage.share` begins with the number of the particle. A step that fails returns the particle
         unchanged.
     """
-    coefficients = method.coefficients[0]
+    coefficients, room = method.coefficients[0], storage.scratch
     x, y, z, x_lo, y_lo, z_lo, vx, vy, vz, vx_lo, vy_lo, vz_lo = particles
-    d = dimension(model.tag, model.parameters)
-    rows = padded_length(d)
+    rows = padded_length(dimension(model.tag, model.parameters))
     number, stages = storage.share.start, stages_in(storage.stages, rows)
     hc, hc_lo, hb = load(coefficients, HC), load(coefficients, HC_LO), load(coefficients, HB)
     times = load(coefficients, HOURS) + t
-    x_base = fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo)
-    y_base = fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo)
-    z_base = fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo)
-    sx, sy, sz = particle_momenta(
-        model.tag, model.parameters, t, stages.q, stages.v, (x, y, z), (vx, vy, vz)
+    base = (
+        fma(hc, full(vx), hc_lo * vx + hc * vx_lo + x_lo),
+        fma(hc, full(vy), hc_lo * vy + hc * vy_lo + y_lo),
+        fma(hc, full(vz), hc_lo * vz + hc * vz_lo + z_lo),
     )
+    s = particle_momenta(model.tag, model.parameters, t, stages.q, stages.v, (x, y, z), (vx, vy, vz))
     Wx, Wy, Wz = guess(method, coefficients, carry, vx, vy, vz)
-    room, places = storage.scratch, storage.scratch[3:]
-    Gx = Gy = Gz = Sx = Sy = Sz = full(0.0)
-    least = last_change = scale = 0.0
-    patience, last, evaluations = PATIENCE, False, 0
-    while True:
-        store(room, 0, hb * Wx)
-        store(room, 1, hb * Wy)
-        store(room, 2, hb * Wz)
-        Vx, Vy, Vz = vx + Wx, vy + Wy, vz + Wz
-        place(method, places, 0, 3, x, x_base + combine(coefficients, MU, room, 0))
-        place(method, places, 1, 3, y, y_base + combine(coefficients, MU, room, 1))
-        place(method, places, 2, 3, z, z_base + combine(coefficients, MU, room, 2))
-        ax, ay, az = pull(method, model, stages, places)
-        here, velocity = (load(places, 0), load(places, 1), load(places, 2)), (Vx, Vy, Vz)
-        bx, by, bz, Sx, Sy, Sz = particle_terms(
-            model.tag, model.parameters, times, stages.Q, stages.V, here, velocity
-        )
-        cx, cy, cz = particle_acting(
-            model.tag, model.parameters, times, number, stages.Q, stages.V, here, velocity
-        )
-        Gx, Gy, Gz = hb * (ax + (bx + cx)), hb * (ay + (by + cy)), hb * (az + (bz + cz))
-        store(room, 0, Gx)
-        store(room, 1, Gy)
-        store(room, 2, Gz)
-        new_x = combine(coefficients, MU_BAR, room, 0) - (Sx - sx)
-        new_y = combine(coefficients, MU_BAR, room, 1) - (Sy - sy)
-        new_z = combine(coefficients, MU_BAR, room, 2) - (Sz - sz)
-        evaluations += 1
-        now = largest(abs(new_x - Wx) + abs(new_y - Wy) + abs(new_z - Wz))
-        Wx, Wy, Wz = new_x, new_y, new_z
-        if evaluations == 1:
-            now = scale = least = largest(abs(Wx) + abs(Wy) + abs(Wz))
-        if last:
-            break
-        if evaluations > 1:
-            if not (now < least and now * now > LOST * scale * last_change):
-                patience -= 1
-                last = patience == 0 or least <= NEAR_FLOOR * scale or now <= NEAR_FLOOR * scale
-            least = min(least, now)
-        last_change = now
-        if evaluations == LIMIT:
-            break
+    store(room, W, Wx)
+    store(room, W + 1, Wy)
+    store(room, W + 2, Wz)
+    equations = method, model, times, number, stages, base, (x, y, z), (vx, vy, vz), s, room
+    (least, _, scale), evaluations, _, _ = solve(STAGES, equations, (0.0, 0.0, 0.0), NEAR_FLOOR, True, LIMIT)
+    places = room[PLACES:]
     if not (least <= CONVERGED * scale or is_round_off(method, model, h, storage.stages, rows, places, least)):
         return particles, carry, NOT_CONVERGED, evaluations
-    kicks = total(Gx), total(Gy), total(Gz)
+    Wx, Wy, Wz = load(room, W), load(room, W + 1), load(room, W + 2)
+    kicks = total(load(room, G)), total(load(room, G + 1)), total(load(room, G + 2))
     if (kicks[0] + kicks[1] + kicks[2] + total(Wx + Wy + Wz)) * 0.0 != 0.0:
         return particles, carry, NOT_FINITE, evaluations
-    keep(method, coefficients, room, (vx, vy, vz), (Wx, Wy, Wz), (Gx, Gy, Gz), (Sx - sx, Sy - sy, Sz - sz), carry)
+    keep(method, coefficients, room, (vx, vy, vz), carry)
     x, x_lo = moved(h, x, x_lo, vx, vx_lo, total(hb * Wx))
     y, y_lo = moved(h, y, y_lo, vy, vy_lo, total(hb * Wy))
     z, z_lo = moved(h, z, z_lo, vz, vz_lo, total(hb * Wz))
@@ -182,9 +187,9 @@ def step_particles(method, model, t, h, particles, carry, storage):
             model.tag, model.parameters, end, stages.q_end, stages.v_end, (x, y, z), (ux, uy, uz)
         )
         before = ux, uy, uz
-        ux, ux_lo = pushed(vx, vx_lo, kicks[0], sx - ex)
-        uy, uy_lo = pushed(vy, vy_lo, kicks[1], sy - ey)
-        uz, uz_lo = pushed(vz, vz_lo, kicks[2], sz - ez)
+        ux, ux_lo = pushed(vx, vx_lo, kicks[0], s[0] - ex)
+        uy, uy_lo = pushed(vy, vy_lo, kicks[1], s[1] - ey)
+        uz, uz_lo = pushed(vz, vz_lo, kicks[2], s[2] - ez)
         off = abs(ux - before[0]) + abs(uy - before[1]) + abs(uz - before[2])
         enough = SETTLED * (abs(ux) + abs(uy) + abs(uz))
         if off == 0.0 or (off <= enough and off >= last_change):

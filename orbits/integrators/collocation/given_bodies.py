@@ -7,26 +7,24 @@ satisfy those of `orbits.integrators.canonical.bodies`. A step without others ev
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from orbits.integrators.canonical.bodies import CanonicalBodies, evaluate, guess, put
-from orbits.integrators.canonical.end import momenta
+from orbits.integrators.canonical.bodies import CanonicalBodies, evaluate, guess, iterate, put
+from orbits.integrators.canonical.end import momenta, settle
 from orbits.integrators.canonical.form import combine
 from orbits.integrators.canonical.lengths import prepare, stretch
-from orbits.integrators.canonical.particles import pushed, step_particles
-from orbits.integrators.canonical.room import HOURS, INVERSE, MU, MU_BAR, SETTLED, VELOCITY_SWEEPS, stages_in, work_in
+from orbits.integrators.canonical.particles import step_particles
+from orbits.integrators.canonical.room import HOURS, INVERSE, MU, MU_BAR, stages_in, work_in
 from orbits.integrators.collocation.lengths import CANCELLED, TINY
 from orbits.integrators.collocation.rows import HB, HC, HC_LO, LAST, WEIGHTS, is_close
-from orbits.kernels.binding import dimension, gross_attraction, kernel_of
+from orbits.kernels.binding import Tag, dimension, gross_attraction, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.ephemeris.chebyshev import ROW, Given, place_given
 from orbits.kernels.lanes import WIDTH, fma, full, largest, load, select, store, total, unit
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
-from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, PATIENCE, judge_rows, settled, unsettled_body
 from orbits.kernels.sums.summation import moved
 
 
@@ -76,6 +74,31 @@ def step(method, model, t, h, state, storage):
     return status, body, evaluations
 
 
+@kernel(inline=True)
+def sweep(equations, first):
+    """As `canonical.bodies.sweep`, for bodies `held` ... n - 1."""
+    method, model, times, q, v, stages, work, held = equations
+    table, strength, d = method.coefficients[0], model.parameters[0], dimension(model.tag, model.parameters)
+    n, hb = d // 3, load(table, HB)
+    for i in range(held, n):
+        for k in range(i, d, n):
+            W = load(work.W, k)
+            store(work.change, k, hb * W)
+            store(stages.V, k, v[k] + W)
+        for k in range(i, d, n):
+            put(method, stages, k, q[k], load(work.base, k) + combine(table, MU, work.change, k))
+    evaluate(method, model, times, stages, work, d)
+    for i in range(held, n):
+        for k in range(i, d, n):
+            W = combine(table, MU_BAR, work.G, k) - (load(work.S, k) - work.s[k]) / strength[1 + i]
+            store(work.change, k, abs(W) if first else abs(W - load(work.W, k)))
+            store(work.W, k, W)
+    return work.change, True
+
+
+STAGES = Tag("stages among given bodies", {"sweep": sweep})
+
+
 @kernel
 def step_others(method, model, t, h, state, storage, held):
     """Take one step of bodies `held` ... n - 1 among those that are placed; the arguments are those of a step."""
@@ -84,7 +107,7 @@ def step_others(method, model, t, h, state, storage, held):
     d = dimension(model.tag, model.parameters)
     n, blocks, rows = d // 3, (d + WIDTH - 1) // WIDTH, q.shape[0]
     carry, work, stages = storage.carry, work_in(storage.scratch, rows, 0), stages_in(storage.stages, rows)
-    times, hb = load(table, HOURS) + t, load(table, HB)
+    times = load(table, HOURS) + t
     hc, hc_lo = load(table, HC), load(table, HC_LO)
     for k in range(WIDTH * blocks):
         store(work.change, k, full(0.0))
@@ -95,31 +118,10 @@ def step_others(method, model, t, h, state, storage, held):
             cold = largest(abs(load(carry, k))) == 0.0
             store(work.W, k, full(0.0) if cold else guess(method, table, carry, k, v[k]))
     momenta(model, t, stages.q, stages.v, work.f, work.s)
-    evaluations, patience, last, history = 0, PATIENCE, False, work.history[: 3 * blocks]
-    while True:
-        for i in range(held, n):
-            for k in range(i, d, n):
-                W = load(work.W, k)
-                store(work.change, k, hb * W)
-                store(stages.V, k, v[k] + W)
-            for k in range(i, d, n):
-                put(method, stages, k, q[k], load(work.base, k) + combine(table, MU, work.change, k))
-        evaluate(method, model, times, stages, work, d)
-        for i in range(held, n):
-            for k in range(i, d, n):
-                W = combine(table, MU_BAR, work.G, k) - (load(work.S, k) - work.s[k]) / strength[1 + i]
-                store(work.change, k, abs(W) if evaluations == 0 else abs(W - load(work.W, k)))
-                store(work.W, k, W)
-        evaluations += 1
-        if last:
-            break
-        history, patience, last = judge_rows(work.change, history, evaluations, patience, NEAR_FLOOR)
-        if evaluations == LIMIT:
-            break
-    if not settled(history, CONVERGED):
-        body = unsettled_body(history, n, 3, CONVERGED)
-        if body >= 0:
-            return NOT_CONVERGED, body, evaluations
+    equations = method, model, times, q, v, stages, work, held
+    status, body, evaluations = iterate(STAGES, equations, work.history, n, d)
+    if status != OK:
+        return status, body, evaluations
     body = finish_others(method, model, t + h, h, state, stages, work, held)
     if body >= 0:
         return NOT_CONVERGED, body, evaluations
@@ -152,33 +154,15 @@ def finish_others(method, model, t, h, state, stages, work, held):
     whose velocity does not converge, or -1.
     """
     q, q_lo, v, v_lo = state
-    strength, hb = model.parameters[0], load(method.coefficients[0], HB)
+    hb = load(method.coefficients[0], HB)
     d = dimension(model.tag, model.parameters)
     n = d // 3
     for i in range(held, n):
         for k in range(i, d, n):
             q[k], q_lo[k] = moved(h, q[k], q_lo[k], v[k], v_lo[k], total(hb * load(work.W, k)))
-            work.kick[k] = total(load(work.G, k))
+            work.kick[k], work.kick_lo[k] = total(load(work.G, k)), 0.0
             stages.q_end[k], stages.v_end[k] = q[k], v[k] + work.kick[k]
-    body, now, last = 0, 0.0, math.inf
-    for _ in range(VELOCITY_SWEEPS):
-        momenta(model, t, stages.q_end, stages.v_end, work.f, work.s_end)
-        body, now = 0, 0.0
-        for i in range(held, n):
-            off = size = 0.0
-            for k in range(i, d, n):
-                new, new_lo = pushed(v[k], v_lo[k], work.kick[k], (work.s[k] - work.s_end[k]) / strength[1 + i])
-                off, size = off + abs(new - stages.v_end[k]), size + abs(new)
-                stages.v_end[k], work.f[k] = new, new_lo
-            if not off <= now * size:
-                body, now = i, off / size
-        if now == 0.0 or (now <= SETTLED and now >= last):
-            break
-        last = now
-    for i in range(held, n):
-        for k in range(i, d, n):
-            v[k], v_lo[k] = stages.v_end[k], work.f[k]
-    return -1 if now <= SETTLED else body
+    return settle(model, t, state, stages, work, held, d)
 
 
 @kernel

@@ -30,12 +30,12 @@ import numpy as np
 from orbits.integrators.canonical.bodies import finite
 from orbits.integrators.canonical.form import combine
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import dimension, dynamical_rate
+from orbits.kernels.binding import Tag, dimension, dynamical_rate
 from orbits.kernels.compile import kernel
 from orbits.kernels.gravity.transformed_time import energy_of_bodies, transformed_field
 from orbits.kernels.lanes import WIDTH, full, load, maximum, store
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
-from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, PATIENCE, judge_rows, settled
+from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, settled, solve
 from orbits.kernels.sums.summation import add_compensated, compensated_row_sums, two_sum
 from orbits.tableaux import SymplecticTableau
 
@@ -138,6 +138,28 @@ def unsettled(history, blocks, rows, strength, n):
 
 
 @kernel(inline=True)
+def sweep(equations, first):
+    """Compute the moves K and L of the stages from the derivatives there, and these from K and L."""
+    method, model, energy, state, work, carry = equations
+    d, rows = dimension(model.tag, model.parameters), state.q.shape[0]
+    hb = load(method.coefficients, HB)
+    place(method, state, work, rows, d)
+    g = transformed_field(
+        model.parameters, energy, work.Q, work.Q_lo, work.V, work.pull, carry[:rows], carry[rows : 2 * rows]
+    )
+    store(work.hours, 0, hb * g)
+    for half in range(0, 2 * rows, rows):
+        for k in range(half, half + d):
+            new = hb * load(carry, k)
+            store(work.change, k, abs(new) if first else abs(new - load(work.moves, k)))
+            store(work.moves, k, new)
+    return work.change, True
+
+
+STAGES = Tag("stages in transformed time", {"sweep": sweep})
+
+
+@kernel(inline=True)
 def step(method, model, t, h, state, storage):
     """Take one step of h in tau; `storage.carry` holds q' and v' at the stages of the previous step, and E0."""
     d, rows, carry = dimension(model.tag, model.parameters), state.q.shape[0], storage.carry
@@ -146,7 +168,7 @@ def step(method, model, t, h, state, storage):
     for half in range(0, 2 * rows, rows):
         for k in range(half, half + d):
             store(work.moves, k, hb * combine(method.coefficients, CONTINUATION, carry, k))
-    evaluations, patience, last, cold = 0, PATIENCE, False, carry[0, 0] == 0.0
+    cold = carry[0, 0] == 0.0
     for k in range(d):
         cold &= carry[k, 0] == 0.0 and carry[rows + k, 0] == 0.0
     if cold:  # from the derivatives at the start: at a single place, forces that cancel would set no scale
@@ -157,23 +179,8 @@ def step(method, model, t, h, state, storage):
         for half in range(0, 2 * rows, rows):
             for k in range(half, half + d):
                 store(work.moves, k, hb * load(carry, k))
-    while True:
-        place(method, state, work, rows, d)
-        g = transformed_field(
-            model.parameters, energy, work.Q, work.Q_lo, work.V, work.pull, carry[:rows], carry[rows : 2 * rows]
-        )
-        for half in range(0, 2 * rows, rows):
-            for k in range(half, half + d):
-                new = hb * load(carry, k)
-                store(work.change, k, abs(new) if evaluations == 0 else abs(new - load(work.moves, k)))
-                store(work.moves, k, new)
-        evaluations += 1
-        if last:
-            store(work.hours, 0, hb * g)
-            break
-        _, patience, last = judge_rows(work.change, work.history, evaluations, patience, NEAR_FLOOR)
-        if evaluations == LIMIT:
-            break
+    equations = method, model, energy, state, work, carry
+    _, evaluations, _, _ = solve(STAGES, equations, work.history, NEAR_FLOOR, True, LIMIT)
     if not settled(work.history, CONVERGED):
         body = unsettled(work.history, blocks, rows, model.parameters, count)
         if body >= 0:

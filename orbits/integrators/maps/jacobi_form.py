@@ -11,42 +11,73 @@ import numpy as np
 
 from orbits.errors import InputError
 from orbits.integrators.base import Integrator
-from orbits.integrators.forms import Array, padded
+from orbits.integrators.forms import Array
 from orbits.integrators.maps.dominant import registers_for, require_dominant
 from orbits.integrators.maps.jacobi_form_particles import (
     begin_among_particles,
     begin_pair,
     begin_particles,
-    enter_particles,
     keep_pair,
-    leave_particles,
     step_among_particles,
     step_pair,
     step_particles,
-    step_particles_with_terms,
-    step_with_terms_among_particles,
 )
-from orbits.integrators.maps.jacobi_form_steps import (
-    ANGLE,
-    HALF,
-    LAZY,
-    SHIFT,
-    WHOLE,
-    begin,
-    enter,
-    leave,
-    show,
-    step,
-    step_with_terms,
-    stretch,
-)
-from orbits.integrators.maps.on_kepler_orbits import InJacobiCoordinates, in_order, keep_particles, rows_of
+from orbits.integrators.maps.on_kepler_orbits import InJacobiCoordinates, Program, in_order
+from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.maps.jacobi import number_planets
-from orbits.kernels.maps.jacobi_particles import table_rows
-from orbits.kernels.maps.stages import DRIFT, FLOW, MODIFIED, STANDARD
-from orbits.kernels.maps.stages import LAZY as LAZY_KICK
+from orbits.kernels.maps.jacobi import number_planets, prepare_room, show_planets
+from orbits.kernels.maps.jacobi_stages import (
+    NO_TABLE,
+    evaluate_kick,
+    step_in_memory,
+    step_lazy,
+    step_modified,
+    step_plain,
+)
+from orbits.kernels.maps.jacobi_tables import table_rows
+from orbits.kernels.maps.layout import kind_of, registers_of, stay_in_registers
+from orbits.kernels.maps.nearest import begin_nearest
+from orbits.kernels.maps.programs import ANGLE, DRIFT, FLOW, KICK, LAZY, MODIFIED, SHIFT, STANDARD, WHOLE
+from orbits.kernels.maps.terms_by_kind import if_terms, strength_of
+from orbits.kernels.steps import OK
 from orbits.tableaux.correctors import corrector_lengths
+
+KICKS = {"standard": STANDARD, "modified-kick": MODIFIED, "lazy": LAZY}
+"""The kicks by their names."""
+
+
+@kernel
+def show(method, model, state, storage):
+    """Write the state of the bodies, uncorrected."""
+    show_planets(strength_of(model), storage.carry, storage.scratch, state.q, state.p)
+
+
+@kernel
+def begin(method, model, t, h, state, storage):
+    """Compute the interaction of the first half of a kick, which later steps take over."""
+    registers, planets, room, own = registers_of(method), storage.carry, storage.scratch, method.coefficients
+    prepare_room(strength_of(model), planets, room)
+    if stay_in_registers(registers, room):
+        begin_nearest(kind_of(registers), planets, room, h, own[0, ANGLE])
+    evaluate_kick(registers, model, int(own[0, KICK]), own[0, SHIFT], planets, room, storage.stages, NO_TABLE)
+
+
+@kernel(inline=True)
+def step(method, model, t, h, state, storage):
+    """Take one step: half a kick, Kepler motions, half a kick, with half the flow of terms that depend on velocities
+    before and after the motions.
+    """
+    registers, planets, room, own = registers_of(method), storage.carry, storage.scratch, method.coefficients
+    terms = if_terms(model)
+    if not stay_in_registers(registers, room):
+        step_in_memory(registers, model, own, planets, room, storage.stages, NO_TABLE, NO_TABLE)
+    elif own[0, KICK] == LAZY:
+        step_lazy(registers, terms, planets, room, own[0, WHOLE], own[0, SHIFT])
+    elif own[0, KICK] == MODIFIED:
+        step_modified(registers, terms, planets, room, own[0, WHOLE], own[0, SHIFT])
+    else:
+        step_plain(registers, terms, planets, room, own[0, WHOLE])
+    return OK, 0, 1
 
 
 @dataclass(frozen=True)
@@ -62,77 +93,54 @@ class KeplerSplitting(InJacobiCoordinates):
     corrector2: bool = False
     with_terms: bool = False
 
-    kernels: ClassVar[Mapping[str, Any]] = {
-        "enter": enter,
-        "leave": leave,
-        "show": show,
-        "begin": begin,
-        "step": step,
-        "stretch": stretch,
-    }
-    more_kernels: ClassVar[Mapping[str, Any]] = {
+    kernels: ClassVar[Mapping[str, Any]] = {"show": show, "begin": begin, "step": step}
+    kernels_among: ClassVar[Mapping[str, Any]] = {
         "begin": begin_among_particles,
         "step": step_among_particles,
         "begin_particles": begin_particles,
         "step_particles": step_particles,
-        "keep_particles": keep_particles,
-        "enter_particles": enter_particles,
-        "leave_particles": leave_particles,
     }
-
     of_pairs: ClassVar[Mapping[str, Any]] = {
         "begin_pair": begin_pair,
         "step_pair": step_pair,
         "keep_pair": keep_pair,
     }
 
-    kernels_with_terms: ClassVar[Mapping[str, Any]] = {"step": step_with_terms}
-    more_kernels_with_terms: ClassVar[Mapping[str, Any]] = {
-        "step": step_with_terms_among_particles,
-        "step_particles": step_particles_with_terms,
-    }
-
     def own_kernels(self) -> Mapping[str, Any]:
-        """Return the kernels of this instance."""
-        own = {**super().own_kernels(), **(self.kernels_with_terms if self.with_terms else {})}
-        if not self.among_particles:
-            return own
-        return {**own, **(self.more_kernels_with_terms if self.with_terms else self.of_pairs)}
+        """Return the kernels of this instance: particles with terms are not taken two times eight at once."""
+        own = super().own_kernels()
+        return {**own, **self.of_pairs} if self.among_particles and not self.with_terms else own
 
-    def coefficients(self, h: float, before: float) -> Array:
-        """Return the lengths of a step and of the stages of the corrector, (1 + stages, 8)."""
-        stages = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
-        rows = np.zeros((1 + len(stages), WIDTH))
-        rows[0, [HALF, WHOLE, LAZY, ANGLE]] = h / 2, h, self.kernel == "lazy", 2.0 * math.pi / Integrator.least_steps
-        rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
-        rows[1:, :2] = stages
-        return rows
-
-    def stages_of(self, h: float) -> tuple[Array, Array]:
-        """The corrector, and kick, Kepler motions, kick, with the flow of terms in between."""
-        flow = [(FLOW, h / 2)] if self.with_terms else []
-        kick = {"standard": STANDARD, "modified-kick": MODIFIED, "lazy": LAZY_KICK}[self.kernel], h / 2
-        entry: list[tuple[int, float]] = []
-        for drift, length in self.coefficients(h, h)[1:, :2].tolist():
+    def entry(self, h: float) -> Program:
+        """The corrector."""
+        lengths = h * corrector_lengths(self.corrector, self.corrector2) if self.corrector else np.zeros((0, 2))
+        entry: Program = []
+        for drift, length in lengths.tolist():
             entry.append((DRIFT, drift))
             if length != 0.0:
                 entry += [(FLOW, length), (STANDARD, length)] if self.with_terms else [(STANDARD, length)]
-        return rows_of(entry), rows_of([kick, *flow, (DRIFT, h), *flow, kick])
+        return entry
 
-    def stages_shape(self, size: int) -> tuple[int, int]:
-        """The tables before and after a step, and workspace; see `orbits.kernels.maps.jacobi_particles`. None are kept
-        without particles.
-        """
-        if not self.among_particles:
-            return 1, padded(size)
-        planets = size // 3 - 1
-        flows = 6 * (planets + 1) if self.with_terms else 0
-        return 2 * (3 * (planets + 1) + planets) + flows + 3 * registers_for(size), WIDTH
+    def program(self, h: float) -> Program:
+        """Kick, Kepler motions, kick, with the flow of terms in between."""
+        flow = [(FLOW, h / 2)] if self.with_terms else []
+        kick = KICKS[self.kernel], h / 2
+        return [kick, *flow, (DRIFT, h), *flow, kick]
+
+    def coefficients(self, h: float, before: float) -> Array:
+        """Return the header, with the kick, and both programs."""
+        rows = super().coefficients(h, before)
+        rows[0, [KICK, ANGLE]] = KICKS[self.kernel], 2.0 * math.pi / Integrator.least_steps
+        rows[0, SHIFT] = 0.0 if self.kernel == "standard" else h * h / 12
+        return rows
+
+    def tables(self, planets: int) -> int:
+        """Those before and after a step, and of the flow of terms; see `orbits.kernels.maps.jacobi_tables`."""
+        return 2 * table_rows(planets) + (6 * (planets + 1) if self.with_terms else 0)
 
     def notes_nearest(self, size: int) -> bool:
         """Whether the steps note how close the planets come: those that stay in registers, without particles."""
-        most = 1 if self.with_terms else 2
-        return registers_for(size) <= most and not self.among_particles
+        return registers_for(size) <= 2 and not self.among_particles
 
     def stages_read(self, size: int) -> int:
         """Return how many numbers of its stages a step writes or reads: not the table before it, but for the first."""
@@ -140,7 +148,7 @@ class KeplerSplitting(InJacobiCoordinates):
         return (rows - table_rows(size // 3 - 1)) * columns if self.among_particles else rows * columns
 
     def scratch_shape(self, size: int) -> tuple[int, int]:
-        """The rows of `orbits.kernels.maps.jacobi`."""
+        """The constants of the planets."""
         return self.room_shape(size)
 
     def check_start(self, parameters: Any, q: Array, v: Array) -> None:

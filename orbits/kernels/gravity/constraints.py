@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from orbits.kernels.binding import kernel_of
+from orbits.kernels.binding import kernel_of, of_lagrangian
 from orbits.kernels.compile.verbs import verb
 
 
@@ -13,10 +13,8 @@ def constraint_count(lagrangian):
     return count and (lambda lagrangian: count)
 
 
-@verb
+@of_lagrangian()
 def constraints(lagrangian, parameters, q, out):
     """Write g(q), (m,), its gradients G, (m, d), and W = G M^-1, (m, d), M being the mass matrix, into the vector
     `out`, one after the other.
     """
-    compiled = kernel_of(lagrangian, "constraints")
-    return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))

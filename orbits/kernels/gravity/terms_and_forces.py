@@ -21,7 +21,7 @@ from orbits.kernels.binding import (
     kernel_of,
     momenta_of_terms,
     other_terms,
-    plus,
+    total_of,
     total_particle_gradients,
     total_particle_momenta,
 )
@@ -191,22 +191,6 @@ def particle_acting(lagrangian, parameters, t, particle, sources, speeds, place,
 
 
 @verb
-def total_particle_force(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
-    """Return the sum of forces per unit mass, three numbers, on massless particle number `particle`, or on eight from
-    that on in lanes.
-    """
-    def one(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
-        return particle_force(tags, strength, parameters[0], t, particle, sources, speeds, place, velocity)
-
-    def these(tags, strength, parameters, t, particle, sources, speeds, place, velocity):
-        found = particle_force(tags, strength, parameters[0], t, particle, sources, speeds, place, velocity)
-        rest, own = other_terms(tags), parameters[1:]
-        return plus(found, total_particle_force(rest, strength, own, t, particle, sources, speeds, place, velocity))
-
-    return one if len(tags.terms) == 1 else these
-
-
-@verb
 def particle_force(tags, strength, own, t, particle, sources, speeds, place, velocity):
     """Return the first of several forces per unit mass on a massless particle, or on eight, three numbers."""
     force = kernel_of(tags.terms[0], "particle_force")
@@ -218,6 +202,9 @@ def particle_force(tags, strength, own, t, particle, sources, speeds, place, vel
         return force(strength, own, t, particle, sources, speeds, place, velocity)
 
     return central if force is None else given
+
+
+total_particle_force = total_of(particle_force)
 
 
 @verb

@@ -11,8 +11,8 @@ time. The last two commute, and are applied together, between the halves of the 
 what it is with the Kepler motions between halves of the others. What is marched stands in the middle of the Kepler
 motions, which are thereby joined to those of the step before.
 
-Arrays are (rows, 8). `planets` is as in `orbits.kernels.maps.jacobi`, with Q and V for r' and its velocity. `room` has
-for each register the rows named below.
+The arrays are those of `orbits.kernels.maps.layout`, `planets` with Q and V for r' and its velocity, `room` with the
+rows named below.
 
 Source: Duncan, Levison & Lee (1998), AJ 116, 2067; Rein & Tamayo (2019), RNAAS 3, 16.
 """
@@ -21,28 +21,49 @@ from __future__ import annotations
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.kepler.short_flow import short_increments
-from orbits.kernels.lanes import WIDTH, fma, full, lane, load, rsqrt_cubed, store, total
-from orbits.kernels.maps.interaction import STATE_ROWS, load_three, pulls_within, store_three
-from orbits.kernels.maps.jacobi import move_centre, number_planets
-from orbits.kernels.sums.summation import accumulate, add_product, quick_two_sum, two_sum
+from orbits.kernels.lanes import WIDTH, fma, full, lane, load, rsqrt_cubed, total
+from orbits.kernels.maps.interaction import pulls_within
+from orbits.kernels.maps.jacobi import number_planets, sum_of_pairs, write_difference
+from orbits.kernels.maps.jacobi_stages import move_centre
+from orbits.kernels.maps.layout import (
+    ROWS,
+    STATE_ROWS,
+    body_of,
+    constant,
+    coordinate,
+    dominant,
+    load_three,
+    registers_in,
+    rest_elsewhere,
+    store_three,
+)
+from orbits.kernels.maps.orbits import (
+    displaced,
+    drifted,
+    kicked,
+    orbits_of,
+    place_of,
+    times,
+    velocity_of,
+    write_orbits,
+)
+from orbits.kernels.sums.summation import add_product
 
-FORCE, MASS, SHARE, PART, ATTRACTING, ROWS = 0, 3, 4, 5, 6, 16
+FORCE, MASS, SHARE, PART, ATTRACTING = 0, 3, 4, 5, 6
 """Rows of `room`: the attraction by the planets; m_i; m_i / m_0; m_i over the mass of all; m_0, 0 in lanes without a
-planet; and their number, with what eight particles need as workspace."""
+planet."""
 
 
 @kernel
 def prepare_heliocentric(strength, planets, room):
     """Write the constants of the planets in their order; strength : (1 + n,), with GM from its second element on."""
-    registers = room.shape[0] // ROWS
-    numbers = STATE_ROWS * registers
-    central, all_of_them = strength[1 + int(planets[numbers, 6])], 0.0
+    central, all_of_them = strength[1 + dominant(planets)], 0.0
     for k in range(strength.shape[0] - 1):
         all_of_them += strength[1 + k]
-    for register in range(registers):
+    for register in range(registers_in(planets)):
         first = ROWS * register
         for k in range(WIDTH):
-            body = int(planets[numbers + 2 + register, k])
+            body = body_of(planets, WIDTH * register + k)
             gm = strength[1 + body] if body >= 0 else 0.0
             room[first + MASS, k] = gm
             room[first + SHARE, k] = gm / central
@@ -70,9 +91,24 @@ def attract(planets, room, count):
 def step_heliocentric(planets, room, count, h):
     """Take a step: a kick with the motion by that of the dominant body, then Kepler motions. Returns P / m_0."""
     attract(planets, room, count)
-    x, y, z = _jump(planets, room)
-    _move(planets, room, h, h, (x, y, z))
-    return x, y, z
+    jump = _jump(planets, room)
+    way = full(h * jump[0]), full(h * jump[1]), full(h * jump[2])
+    for register in range(room.shape[0] // ROWS):
+        own, force = planets[STATE_ROWS * register :], load_three(room, ROWS * register + FORCE)
+        attracting = load(room, ROWS * register + ATTRACTING)
+        write_orbits(own, jumped_and_drifted(orbits_of(full(0.0), own), attracting, h, way, times(h, force)))
+    move_centre(planets, h)
+    return jump
+
+
+@kernel(inline=True)
+def jumped_and_drifted(orbits, gm, h, jump, kick):
+    """Return orbits after a kick with a jump of the places, three numbers each, and Kepler motions of h."""
+    (x, y, z), (jx, jy, jz), (kx, ky, kz) = place_of(orbits), jump, kick
+    dx, dy, dz, dvx, dvy, dvz = short_increments(
+        x + jx, y + jy, z + jz, orbits.vx + kx, orbits.vy + ky, orbits.vz + kz, gm, full(h)
+    )
+    return kicked(displaced(orbits, (dx + jx, dy + jy, dz + jz)), (dvx + kx, dvy + ky, dvz + kz))
 
 
 @kernel(inline=True)
@@ -91,48 +127,20 @@ def kick_heliocentric(planets, room, count, h):
     attract(planets, room, count)
     x, y, z = _jump(planets, room)
     for register in range(room.shape[0] // ROWS):
-        first, force = STATE_ROWS * register, load_three(room, ROWS * register + FORCE)
-        _advance(planets, first, full(h * x))
-        _advance(planets, first + 1, full(h * y))
-        _advance(planets, first + 2, full(h * z))
-        for k in range(3):
-            _advance(planets, first + 3 + k, h * force[k])
+        own, force = planets[STATE_ROWS * register :], load_three(room, ROWS * register + FORCE)
+        there = displaced(orbits_of(full(0.0), own), (full(h * x), full(h * y), full(h * z)))
+        write_orbits(own, kicked(there, times(h, force)))
 
 
 @kernel
 def drift_heliocentric(planets, room, h):
-    """Advance the planets on their Kepler orbits by h; the rows FORCE are lost."""
+    """Advance the planets on their Kepler orbits by h."""
     for register in range(room.shape[0] // ROWS):
-        store_three(room, ROWS * register + FORCE, (full(0.0), full(0.0), full(0.0)))
-    _move(planets, room, h, 0.0, (0.0, 0.0, 0.0))
-
-
-@kernel(inline=True)
-def _move(planets, room, h, kick, jump):
-    """Advance the planets by `kick` times the attraction and times `jump`, and then on their Kepler orbits by h."""
-    jx, jy, jz = full(kick * jump[0]), full(kick * jump[1]), full(kick * jump[2])
-    for register in range(room.shape[0] // ROWS):
-        first, own = STATE_ROWS * register, ROWS * register
-        (x, y, z), (vx, vy, vz) = load_three(planets, first), load_three(planets, first + 3)
-        fx, fy, fz = load_three(room, own + FORCE)
-        kx, ky, kz = kick * fx, kick * fy, kick * fz
-        dx, dy, dz, dvx, dvy, dvz = short_increments(
-            x + jx, y + jy, z + jz, vx + kx, vy + ky, vz + kz, load(room, own + ATTRACTING), full(h)
-        )
-        _advance(planets, first, dx + jx)
-        _advance(planets, first + 1, dy + jy)
-        _advance(planets, first + 2, dz + jz)
-        _advance(planets, first + 3, dvx + kx)
-        _advance(planets, first + 4, dvy + ky)
-        _advance(planets, first + 5, dvz + kz)
-    move_centre(planets, room.shape[0] // ROWS, h)
-
-
-@kernel(inline=True)
-def _advance(planets, row, change):
-    hi, lo = accumulate(load(planets, row), load(planets, row + 6), change)
-    store(planets, row, hi)
-    store(planets, row + 6, lo)
+        own, attracting = planets[STATE_ROWS * register :], load(room, ROWS * register + ATTRACTING)
+        orbits = orbits_of(full(0.0), own)
+        moved, change = drifted(orbits, attracting, h, velocity_of(orbits))
+        write_orbits(own, kicked(moved, change))
+    move_centre(planets, h)
 
 
 @kernel
@@ -140,79 +148,63 @@ def enter_heliocentric(strength, q, q_lo, p, p_lo, planets, room):
     """Write the planets of a state (q, q_lo), (p, p_lo) of bodies, and the constants into `room`; numbers the planets
     unless they are numbered already.
     """
-    n, registers = strength.shape[0] - 1, room.shape[0] // ROWS
-    centre = STATE_ROWS * registers
+    n, centre = strength.shape[0] - 1, STATE_ROWS * registers_in(planets)
     if planets[centre, 7] == 0.0:
         number_planets(strength, q, p, planets)
     prepare_heliocentric(strength, planets, room)
-    sun = int(planets[centre, 6])
-    furthest = 0.0
+    sun, furthest = dominant(planets), 0.0
     for component in range(6):
         x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
         axis = component % 3 * n
         sun_hi, sun_lo = x[axis + sun], x_lo[axis + sun]
         hi, lo = sun_hi, sun_lo
         for i in range(n - 1):
-            register, k = i // WIDTH, i % WIDTH
-            body = int(planets[centre + 2 + register, k])
-            d, e = _less(x[axis + body], x_lo[axis + body], sun_hi, sun_lo)
-            hi, lo = add_product(hi, lo, room[ROWS * register + PART, k], d, e)
-            planets[STATE_ROWS * register + component, k] = d
-            planets[STATE_ROWS * register + 6 + component, k] = e
+            body = axis + body_of(planets, i)
+            d, e = write_difference(planets, component, i, x[body], x_lo[body], sun_hi, sun_lo)
+            hi, lo = add_product(hi, lo, constant(room, PART, i), d, e)
             if component < 3:
                 furthest = max(furthest, abs(d))
         planets[centre, component], planets[centre + 1, component] = hi, lo
         for i in range(n - 1 if component >= 3 else 0):
-            register, k = i // WIDTH, i % WIDTH
-            body = int(planets[centre + 2 + register, k])
-            d, e = _less(x[axis + body], x_lo[axis + body], hi, lo)
-            planets[STATE_ROWS * register + component, k] = d
-            planets[STATE_ROWS * register + 6 + component, k] = e
-    # Lanes without a planet rest at different places.
-    for i in range(n - 1, WIDTH * registers):
-        register, k = i // WIDTH, i % WIDTH
-        for row in range(STATE_ROWS):
-            planets[STATE_ROWS * register + row, k] = 0.0
-        planets[STATE_ROWS * register, k] = (2.0 + i) * (furthest + 1.0)
-
-
-@kernel(inline=True)
-def _less(x, x_lo, hi, lo):
-    """Return (x, x_lo) - (hi, lo)."""
-    d, e = two_sum(x, -hi)
-    return quick_two_sum(d, e + (x_lo - lo))
+            body = axis + body_of(planets, i)
+            write_difference(planets, component, i, x[body], x_lo[body], hi, lo)
+    rest_elsewhere(planets, n - 1, furthest)
 
 
 @kernel
 def leave_heliocentric(strength, planets, room, q, q_lo, p, p_lo):
     """Write the state of the bodies, in doubled precision."""
-    n, centre = strength.shape[0] - 1, STATE_ROWS * (room.shape[0] // ROWS)
-    sun = int(planets[centre, 6])
+    n, sun = strength.shape[0] - 1, dominant(planets)
     for component in range(6):
         x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
         axis = component % 3 * n
-        sun_hi, sun_lo = place_of_the_dominant(planets, room, n - 1, component)
-        # Positions are relative to the dominant body, velocities to the centre of mass.
-        hi, lo = (sun_hi, sun_lo) if component < 3 else (planets[centre, component], planets[centre + 1, component])
+        hi, lo = origin_of(strength, planets, room, component)
         for i in range(n - 1):
-            register, k = i // WIDTH, i % WIDTH
-            body = int(planets[centre + 2 + register, k])
-            s, f = two_sum(hi, planets[STATE_ROWS * register + component, k])
-            x[axis + body], x_lo[axis + body] = quick_two_sum(
-                s, f + (lo + planets[STATE_ROWS * register + 6 + component, k])
-            )
-        x[axis + sun], x_lo[axis + sun] = sun_hi, sun_lo
+            body = axis + body_of(planets, i)
+            d, e = coordinate(planets, component, i), coordinate(planets, 6 + component, i)
+            x[body], x_lo[body] = sum_of_pairs(hi, lo, d, e)
+        x[axis + sun], x_lo[axis + sun] = dominant_at(planets, room, n - 1, component)
 
 
 @kernel
-def place_of_the_dominant(planets, room, count, component):
+def origin_of(strength, planets, room, component):
+    """Return a component of that to which bodies are relative, as a pair (hi, lo): the position of the dominant body,
+    or the velocity of the centre of mass.
+    """
+    centre = STATE_ROWS * registers_in(planets)
+    if component < 3:
+        return dominant_at(planets, room, strength.shape[0] - 2, component)
+    return planets[centre, component], planets[centre + 1, component]
+
+
+@kernel
+def dominant_at(planets, room, count, component):
     """Return a component of the position (0 ... 2) or velocity (3 ... 5) of the dominant body as a pair (hi, lo)."""
-    centre, row = STATE_ROWS * (room.shape[0] // ROWS), PART if component < 3 else SHARE
+    centre, row = STATE_ROWS * registers_in(planets), PART if component < 3 else SHARE
     hi, lo = planets[centre, component], planets[centre + 1, component]
     for i in range(count):
-        register, k = i // WIDTH, i % WIDTH
-        own = STATE_ROWS * register + component
-        hi, lo = add_product(hi, lo, -room[ROWS * register + row, k], planets[own, k], planets[own + 6, k])
+        d, e = coordinate(planets, component, i), coordinate(planets, 6 + component, i)
+        hi, lo = add_product(hi, lo, -constant(room, row, i), d, e)
     return hi, lo
 
 
@@ -222,14 +214,11 @@ def show_heliocentric(strength, planets, room, q, p):
 
     planets : at the end of the step
     """
-    n, registers = strength.shape[0] - 1, room.shape[0] // ROWS
-    centre = STATE_ROWS * registers
-    sun = int(planets[centre, 6])
+    n, registers = strength.shape[0] - 1, registers_in(planets)
     for component in range(6):
         x = q if component < 3 else p
         axis = component % 3 * n
-        middle = planets[centre, component]
-        outwards = 0.0
+        middle, outwards = planets[STATE_ROWS * registers, component], 0.0
         for register in range(registers):
             share = load(room, ROWS * register + (PART if component < 3 else SHARE))
             outwards += total(share * load(planets, STATE_ROWS * register + component))
@@ -238,5 +227,5 @@ def show_heliocentric(strength, planets, room, q, p):
         for register in range(registers):
             place = origin + load(planets, STATE_ROWS * register + component)
             for k in range(min(WIDTH, n - 1 - WIDTH * register)):
-                x[axis + int(planets[centre + 2 + register, k])] = lane(place, k)
-        x[axis + sun] = own
+                x[axis + body_of(planets, WIDTH * register + k)] = lane(place, k)
+        x[axis + dominant(planets)] = own

@@ -1,170 +1,242 @@
-"""Steps of several kicks and Kepler motions in Jacobi coordinates, of planets and of massless particles.
-
-The stages of a step are rows (kick, drift) of its lengths: a kick by the interaction, then Kepler motions. What is
-marched stands within the first motion of a step, which is thereby joined to the last one of the step before it.
+"""The stages of maps in Jacobi coordinates for planets: Kepler motions and kicks, one by one, and whole steps of those
+that stay in registers, which are the same without leaving them.
 """
 
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.kepler.short_flow import short_increments
-from orbits.kernels.lanes import WIDTH, alike, fma, full, load, store
-from orbits.kernels.maps.interaction import (
+from orbits.kernels.kepler.flow import kepler_increments
+from orbits.kernels.lanes import alike, full, load, store, turned, unit
+from orbits.kernels.maps.interaction import displace, interact, interact_in, interaction
+from orbits.kernels.maps.interaction_along_itself import change_along, modify_in
+from orbits.kernels.maps.jacobi_tables import tabulate
+from orbits.kernels.maps.layout import (
+    ATTRACTING,
+    CHANGE,
     FORCE,
+    MOVED,
+    PLACE,
     ROWS,
+    SHIFTED,
     STATE_ROWS,
-    interact,
-    interact_in,
-    interaction,
     kind_of,
+    load_three,
     masses_of,
-    of_state,
+    of_room,
+    registers_in,
     stay_in_registers,
-    write_state,
+    store_three,
+    write_room,
 )
-from orbits.kernels.maps.jacobi import advance_planets, finish_velocities, move_centre, show_planets
-from orbits.kernels.maps.jacobi_particles import (
-    PLAIN,
-    Marched,
-    drifted_particles,
-    kicked_particles,
-    table_rows,
-    tabulate,
-    tabulate_centres,
+from orbits.kernels.maps.nearest import note_nearest
+from orbits.kernels.maps.orbits import (
+    added,
+    displaced,
+    drifted,
+    kicked,
+    kicked_and_drifted,
+    orbits_of,
+    place_of,
+    times,
+    velocity_of,
+    write_orbits,
 )
-from orbits.kernels.maps.jacobi_particles import interaction as interaction_of_particles
-from orbits.kernels.sums.summation import accumulate
+from orbits.kernels.maps.programs import KICK, LAZY, LENGTH, MODIFIED, SHIFT, STANDARD, WHOLE
+from orbits.kernels.maps.terms_by_kind import has_terms, strength_of
+from orbits.kernels.maps.terms_of_dominant import flow, flow_of_register, force_with_pulls, kick_more
+from orbits.kernels.sums.summation import add_product
 
-KICK, DRIFT = 0, 1
-"""Columns of the stages."""
+NO_TABLE = -1
+"""In the place of the first row of a table: none is written."""
+
+
+@kernel
+def kick_planets(planets, room, h):
+    """Advance the velocities by h times the interaction."""
+    for register in range(room.shape[0] // ROWS):
+        own = planets[STATE_ROWS * register :]
+        force = load_three(room, ROWS * register + FORCE)
+        write_orbits(own, kicked(orbits_of(full(0.0), own), times(h, force)))
+
+
+@kernel
+def move_planets(planets, room, h):
+    """Advance the planets on their Kepler orbits by h, of any length."""
+    for register in range(room.shape[0] // ROWS):
+        own, attracting = planets[STATE_ROWS * register :], load(room, ROWS * register + ATTRACTING)
+        orbits = orbits_of(full(0.0), own)
+        (x, y, z), (vx, vy, vz) = place_of(orbits), velocity_of(orbits)
+        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, attracting, full(h))
+        write_orbits(own, kicked(displaced(orbits, (dx, dy, dz)), (dvx, dvy, dvz)))
+    move_centre(planets, h)
+
+
+@kernel
+def advance_planets(planets, room, h, kick):
+    """The same, to the same accuracy, fast for steps that are short beside the orbits, and from velocities changed by
+    `kick` times the interaction.
+
+    The velocities are not changed: the rows CHANGE receive the change, that by the kick included.
+    """
+    for register in range(room.shape[0] // ROWS):
+        own, other = planets[STATE_ROWS * register :], ROWS * register
+        force, attracting = load_three(room, other + FORCE), load(room, other + ATTRACTING)
+        moved, change = kicked_and_drifted(orbits_of(full(0.0), own), attracting, h, kick, force)
+        write_orbits(own, moved)
+        store_three(room, other + CHANGE, change)
+    move_centre(planets, h)
+
+
+@kernel
+def finish_velocities(planets, room, kick):
+    """Add the rows CHANGE, and `kick` times the interaction, to the velocities, rounded once."""
+    for register in range(room.shape[0] // ROWS):
+        own, other = planets[STATE_ROWS * register :], ROWS * register
+        change = added(load_three(room, other + CHANGE), full(kick), load_three(room, other + FORCE))
+        write_orbits(own, kicked(orbits_of(full(0.0), own), change))
+
+
+@kernel(inline=True)
+def move_centre(planets, h):
+    """Advance the centre of mass: its position is in lanes 0 ... 2, its velocity in the next three."""
+    centre = STATE_ROWS * registers_in(planets)
+    there, rest = load(planets, centre), load(planets, centre + 1)
+    h = h * (unit(0) + unit(1) + unit(2))
+    there, rest = add_product(there, rest, h, turned(there, 3), turned(rest, 3))
+    store(planets, centre, there)
+    store(planets, centre + 1, rest)
+
+
+@kernel
+def evaluate_kick(registers, model, kind, shift, planets, room, table, first):
+    """Write the interaction for a kick, with terms of positions alone: plain, modified, or at displaced positions.
+
+    kind : see `orbits.kernels.maps.programs`; shift : h^2/12
+    table, first : where particles find what they need of it, see `orbits.kernels.maps.jacobi_tables`, or `NO_TABLE`
+    """
+    strength = strength_of(model)
+    count = strength.shape[0] - 2
+    interact_in(registers, planets, room, count, False)
+    if kind != MODIFIED:
+        kick_more(model, planets, room)
+    if first >= 0:
+        tabulate(strength, planets, room, table, first, STANDARD)
+    if kind == MODIFIED:
+        modify_in(registers, planets, room, count, shift)
+    elif kind == LAZY:
+        displace(planets, room, shift)
+        interact_in(registers, planets, room, count, True)
+    else:
+        return
+    kick_more(model, planets, room)
+    if first >= 0:
+        tabulate(strength, planets, room, table, first, kind)
+
+
+@kernel
+def step_in_memory(registers, model, coefficients, planets, room, table, first, flows):
+    """Take a step of any number of planets: half a kick, Kepler motions, half a kick, with half the flow of terms that
+    depend on velocities before and after the motions.
+
+    table, first, flows : where particles find what they need of the kick and of the flows, or `NO_TABLE`
+    """
+    whole, kick = coefficients[0, WHOLE], 0.5 * coefficients[0, WHOLE]
+    kind, shift = int(coefficients[0, KICK]), coefficients[0, SHIFT]
+    if has_terms(model):
+        second = flows + 3 * (strength_of(model).shape[0] - 1) if flows >= 0 else NO_TABLE
+        kick_planets(planets, room, kick)
+        flow(model, planets, room, table, flows, kick)
+        advance_planets(planets, room, whole, 0.0)
+        finish_velocities(planets, room, 0.0)
+        flow(model, planets, room, table, second, kick)
+        evaluate_kick(registers, model, kind, shift, planets, room, table, first)
+        kick_planets(planets, room, kick)
+    else:
+        advance_planets(planets, room, whole, kick)
+        evaluate_kick(registers, model, kind, shift, planets, room, table, first)
+        finish_velocities(planets, room, kick)
+
+
+@kernel
+def step_plain(registers, model, planets, room, h):
+    """Take a step of planets that stay in registers: half a kick, Kepler motions, half a kick.
+
+    The same as `advance_planets`, the interaction for the kick and `finish_velocities`, to the last bit, but that
+    nothing leaves registers, in two thirds of the time; with terms of the dominant body, half the flow of those that
+    depend on velocities stands on both sides of the Kepler motions. The rows FORCE have the interaction of the kick
+    before, and receive that of this one.
+
+    registers : see `orbits.kernels.maps.layout.registers_of`; model : with terms, else None
+    """
+    _step(kind_of(registers), model, planets, room, h, 0.0, False, False)
+
+
+@kernel
+def step_modified(registers, model, planets, room, h, shift):
+    """The same with the modified kick, changed by `shift` times its derivative along itself."""
+    _step(kind_of(registers), model, planets, room, h, shift, True, False)
+
+
+@kernel
+def step_lazy(registers, model, planets, room, h, shift):
+    """The same with the lazy kick, by the interaction at places displaced by `shift` times the interaction."""
+    _step(kind_of(registers), model, planets, room, h, shift, False, True)
+
+
+@kernel(inline=True)
+def _step(like, model, planets, room, h, shift, modified, lazy):
+    orbits, kick = orbits_of(like, planets), 0.5 * h
+    masses, force = masses_of(like, room), of_room(like, room, FORCE)
+    if has_terms(model):
+        none = alike(0.0, like)
+        orbits = flow_of_register(model, masses, kicked(orbits, times(kick, force)), kick)
+        orbits, change = drifted(orbits, masses.attracting, h, velocity_of(orbits))
+        orbits, change = flow_of_register(model, masses, kicked(orbits, change), kick), (none, none, none)
+    else:
+        orbits, change = kicked_and_drifted(orbits, masses.attracting, h, kick, force)
+    write_orbits(planets, orbits)  # and read again for the kick: registers are scarce in between
+    force, place, pairs = interaction(orbits.x, orbits.y, orbits.z, masses)
+    note_nearest(room, pairs)
+    if lazy:
+        force = force_with_pulls(model, masses, place, force)
+        there = added(place_of(orbits), shift, force)
+        write_room(room, SHIFTED, there)
+        force, place, _ = interaction(there[0], there[1], there[2], masses)
+    if modified:
+        force, shifted, moved = change_along(force, pairs, shift, masses)
+        write_room(room, SHIFTED, shifted)
+        write_room(room, MOVED, moved)
+    force = force_with_pulls(model, masses, place, force)
+    write_orbits(planets, kicked(orbits_of(like, planets), added(change, kick, force)))
+    write_room(room, PLACE, place)
+    write_room(room, FORCE, force)
+    move_centre(planets, h)
 
 
 @kernel
 def step_in_stages(registers, planets, room, count, stages):
-    """Take the stages of a step.
+    """Take a step of kicks and Kepler motions in turn.
 
-    registers : see `orbits.kernels.maps.interaction.registers_of`
-    planets, room : see `orbits.kernels.maps.jacobi`; count : the number of planets; stages : (s, columns)
+    registers : see `orbits.kernels.maps.layout.registers_of`; count : the number of planets
+    stages : (2 s, columns), see `orbits.kernels.maps.programs`
     """
     if stay_in_registers(registers, room):
         _step_in_registers(kind_of(registers), planets, room, stages)
         return
-    for i in range(stages.shape[0]):
+    for i in range(0, stages.shape[0], 2):
         interact(planets, room, count, False)
-        _kick_and_drift(planets, room, stages[i, KICK], stages[i, DRIFT])
-
-
-@kernel
-def step_in_stages_among_particles(registers, strength, planets, room, stages, table):
-    """The same to the same bits, with a table for particles at each kick."""
-    count = strength.shape[0] - 2
-    for i in range(stages.shape[0]):
-        interact_in(registers, planets, room, count, False)
-        tabulate(strength, planets, room, table, i * table_rows(count), PLAIN)
-        _kick_and_drift(planets, room, stages[i, KICK], stages[i, DRIFT])
-
-
-@kernel(inline=True)
-def _kick_and_drift(planets, room, kick, drift):
-    advance_planets(planets, room, drift, kick)
-    finish_velocities(planets, room, 0.0)
+        advance_planets(planets, room, stages[i + 1, LENGTH], stages[i, LENGTH])
+        finish_velocities(planets, room, 0.0)
 
 
 @kernel
 def _step_in_registers(like, planets, room, stages):
     """The same for planets that fit into as many registers as `like` has, without leaving them."""
-    x, y, z = of_state(like, planets, 0)
-    u, v, w = of_state(like, planets, 3)
-    x_lo, y_lo, z_lo = of_state(like, planets, 6)
-    u_lo, v_lo, w_lo = of_state(like, planets, 9)
-    masses = masses_of(like, room)
-    for i in range(stages.shape[0]):
-        kick, h = stages[i, KICK], stages[i, DRIFT]
-        force, _, _ = interaction(x, y, z, masses)
-        vx, vy, vz = _kicked((u, v, w), kick, force)
-        dx, dy, dz, dvx, dvy, dvz = short_increments(x, y, z, vx, vy, vz, masses.attracting, alike(h, like))
-        x, x_lo = accumulate(x, x_lo, dx)
-        y, y_lo = accumulate(y, y_lo, dy)
-        z, z_lo = accumulate(z, z_lo, dz)
-        du, dv, dw = _kicked((dvx, dvy, dvz), kick, force)
-        u, u_lo = accumulate(u, u_lo, du)
-        v, v_lo = accumulate(v, v_lo, dv)
-        w, w_lo = accumulate(w, w_lo, dw)
-        move_centre(planets, room.shape[0] // ROWS, h)
-    write_state(planets, 0, (x, y, z))
-    write_state(planets, 3, (u, v, w))
-    write_state(planets, 6, (x_lo, y_lo, z_lo))
-    write_state(planets, 9, (u_lo, v_lo, w_lo))
-
-
-@kernel(inline=True)
-def _kicked(v, kick, force):
-    return fma(kick, force[0], v[0]), fma(kick, force[1], v[1]), fma(kick, force[2], v[2])
-
-
-@kernel(inline=True)
-def _at_the_end(planets, room, copy, drift):
-    """Write the planets after Kepler motions of `drift` into `copy`."""
-    for row in range(planets.shape[0]):
-        store(copy, row, load(planets, row))
-    for register in range(room.shape[0] // ROWS):
-        for k in range(3):
-            store(room, ROWS * register + FORCE + k, full(0.0))
-    advance_planets(copy, room, drift, 0.0)
-    finish_velocities(copy, room, 0.0)
-
-
-@kernel
-def show_at_the_end(strength, planets, room, copy, drift, q, p):
-    """Write the state of the bodies, rounded, after Kepler motions of `drift`; copy : workspace, like `planets`."""
-    _at_the_end(planets, room, copy, drift)
-    show_planets(strength, copy, room, q, p)
-
-
-@kernel
-def tabulate_the_end(strength, planets, room, copy, drift, table):
-    """Write R_i and its velocity after Kepler motions of `drift` into the first table of the stages."""
-    _at_the_end(planets, room, copy, drift)
-    tabulate_centres(strength, copy, room, table, 0)
-
-
-@kernel(inline=True)
-def particles_in_stages(model, marched, table, stages, rows):
-    """Return eight particles after the stages of a step."""
-    count = model.parameters.shape[0] - 2
-    for i in range(stages.shape[0]):
-        g = interaction_of_particles(model, table, i * table_rows(count), 0.0, 0.0, marched, rows)
-        marched = _with(marched, g)
-        marched, ax, ay, az = drifted_particles(marched, stages[i, DRIFT], stages[i, KICK])
-        marched = kicked_particles(marched, (ax, ay, az), 0.0, g)
-    return marched
-
-
-@kernel(inline=True)
-def _with(marched, g):
-    """Return particles with another g."""
-    return Marched(
-        marched.x, marched.y, marched.z, marched.x_lo, marched.y_lo, marched.z_lo,
-        marched.vx, marched.vy, marched.vz, marched.vx_lo, marched.vy_lo, marched.vz_lo,
-        g[0], g[1], g[2], marched.gm, marched.number, marched.common,
-    )  # fmt: skip
-
-
-@kernel(inline=True)
-def particles_at_the_end(marched, drift):
-    """Return eight particles after Kepler motions of `drift`."""
-    zero = full(0.0)
-    marched, ax, ay, az = drifted_particles(_with(marched, (zero, zero, zero)), drift, 0.0)
-    return kicked_particles(marched, (ax, ay, az), 0.0, (zero, zero, zero))
-
-
-@kernel(inline=True)
-def registers_in(planets):
-    """Return the number of registers of the planets."""
-    return (planets.shape[0] - 2) // (STATE_ROWS + 1)
-
-
-@kernel(inline=True)
-def room_rows(registers):
-    """Return the number of rows of `room`."""
-    return ROWS * registers + WIDTH
+    orbits, masses = orbits_of(like, planets), masses_of(like, room)
+    for i in range(stages.shape[0] // 2):
+        kick, h = stages[2 * i, LENGTH], stages[2 * i + 1, LENGTH]
+        force, _, _ = interaction(orbits.x, orbits.y, orbits.z, masses)
+        orbits, change = kicked_and_drifted(orbits, masses.attracting, h, kick, force)
+        orbits = kicked(orbits, change)
+        move_centre(planets, h)
+    write_orbits(planets, orbits)

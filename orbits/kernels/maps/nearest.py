@@ -33,7 +33,8 @@ from orbits.kernels.lanes import (
     turned,
     unit,
 )
-from orbits.kernels.maps.interaction import (
+from orbits.kernels.maps.interaction import interaction
+from orbits.kernels.maps.layout import (
     ATTRACTING,
     CENTRAL,
     INNER,
@@ -42,10 +43,9 @@ from orbits.kernels.maps.interaction import (
     NEAREST,
     ROWS,
     STATE_ROWS,
-    interaction,
     masses_of,
-    of_state,
 )
+from orbits.kernels.maps.orbits import orbits_of
 from orbits.kernels.search.apsides import apsides
 
 HILL_RADII = 3.0
@@ -107,8 +107,8 @@ def begin_nearest(like, planets, room, h, angle):
             apart = within + WAY * (room[MOVED, i] + room[MOVED, k])
             both = planets[numbers, i] >= 0.0 and planets[numbers, k] >= 0.0
             room[NEAREST + places - 1, i] = apart * apart if both else 0.0
-    now = of_state(like, planets, 0)
-    note_nearest(room, interaction(now[0], now[1], now[2], masses_of(like, room))[2])
+    now = orbits_of(like, planets)
+    note_nearest(room, interaction(now.x, now.y, now.z, masses_of(like, room))[2])
 
 
 @kernel(inline=True)

@@ -82,9 +82,7 @@ def solve(rule, equations, history, floor, again, limit):
 
 @kernel(inline=True)
 def judge_rows(change, history, sweep, patience, floor):
-    """Judge an iteration: for `solve`, and for the forms that have loops of their own, `bodies` and
-    `particles` in `orbits.integrators.canonical`, `given_bodies` and `transformed_bodies` in `collocation`. Bodies with
-    terms and those in transformed time took a fifth longer when their sweeps were in tags.
+    """Judge an iteration by the changes of a sweep.
 
     Returns, after sweep number 1, 2, ..., the history, the patience that is left, and whether the next sweep is the
     last one: the changes have stopped falling, and are below `floor` or have been given as many chances as there were.

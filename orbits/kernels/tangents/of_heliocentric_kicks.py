@@ -7,8 +7,8 @@ attraction to dV, and h times the sum of (m_i / m_0) dV_i, which the kick does n
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, fma, full, load, store
-from orbits.kernels.maps.interaction import STATE_ROWS
+from orbits.kernels.lanes import fma, full, load, store
+from orbits.kernels.maps.layout import body_of, coordinate, dominant
 from orbits.kernels.tangents.of_jacobi_kicks import pulls_of_pairs
 from orbits.kernels.tangents.vector_parts import HERE, add_three
 
@@ -18,14 +18,14 @@ def place_heliocentric(planets, places):
     """Write the places of the planets, at which the derivative of a kick is taken."""
     for i in range(places.shape[1]):
         for k in range(3):
-            places[HERE, i, k] = planets[STATE_ROWS * (i // WIDTH) + k, i % WIDTH]
+            places[HERE, i, k] = coordinate(planets, k, i)
 
 
 @kernel
-def kick_heliocentric_vectors(mass, central, h, vectors, room):
+def kick_heliocentric_vectors(strength, h, vectors, room):
     """Advance eight vectors by a kick, from the places of `place_heliocentric`."""
-    places, pull = room.places[HERE], room.pull
-    count = mass.shape[0]
+    places, pull, mass = room.places[HERE], room.pull, room.mass
+    central, count = strength[1 + dominant(room.planets)], mass.shape[0]
     for a in range(3 * count):
         store(room.offset, a, load(vectors[0], a))
     pulls_of_pairs(mass, places, 0, places, False, room.offset, pull)
@@ -40,38 +40,42 @@ def kick_heliocentric_vectors(mass, central, h, vectors, room):
         add_three(vectors[2], vectors[3], a, h * load(pull, a), h * load(pull, a + 1), h * load(pull, a + 2))
 
 
+@kernel(inline=True)
+def _of_all(strength):
+    """Return GM of all bodies."""
+    whole = 0.0
+    for k in range(strength.shape[0] - 1):
+        whole += strength[1 + k]
+    return whole
+
+
 @kernel
-def to_heliocentric(planets, mass, central, count, vectors, room):
+def to_heliocentric(strength, vectors, room):
     """Change eight vectors from the order of the bodies to places relative to the dominant one and velocities relative
     to the centre of mass, in the planets' order.
     """
-    numbers = planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS
-    sun, whole = int(planets[numbers, 6]), central
-    for i in range(count):
-        whole += mass[i]
+    planets, mass, kept, whole = room.planets, room.mass, room.shifted, _of_all(strength)
+    count, sun = mass.shape[0], dominant(planets)
     for part in range(4):
         rows = vectors[part]
         for k in range(3):
             own = load(rows, 3 * sun + k)
-            centre = full(central / whole) * own
+            centre = full(strength[1 + sun] / whole) * own
             for i in range(count):
-                body = int(planets[numbers + 2 + i // WIDTH, i % WIDTH])
-                there = load(rows, 3 * body + k)
-                store(room, 3 * i + k, there)
+                there = load(rows, 3 * body_of(planets, i) + k)
+                store(kept, 3 * i + k, there)
                 centre = fma(full(mass[i] / whole), there, centre)
             origin = own if part < 2 else centre
             for i in range(count):
-                store(rows, 3 * i + k, load(room, 3 * i + k) - origin)
+                store(rows, 3 * i + k, load(kept, 3 * i + k) - origin)
             store(rows, 3 * count + k, centre)
 
 
 @kernel
-def from_heliocentric(planets, mass, central, count, vectors, room):
+def from_heliocentric(strength, vectors, room):
     """Undo `to_heliocentric`."""
-    numbers = planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS
-    sun, whole = int(planets[numbers, 6]), central
-    for i in range(count):
-        whole += mass[i]
+    planets, mass, kept, whole = room.planets, room.mass, room.shifted, _of_all(strength)
+    count, sun = mass.shape[0], dominant(planets)
     for part in range(4):
         rows = vectors[part]
         for k in range(3):
@@ -79,10 +83,9 @@ def from_heliocentric(planets, mass, central, count, vectors, room):
             own = centre
             for i in range(count):
                 there = load(rows, 3 * i + k)
-                store(room, 3 * i + k, there)
-                own = fma(full(-mass[i] / (whole if part < 2 else central)), there, own)
+                store(kept, 3 * i + k, there)
+                own = fma(full(-mass[i] / (whole if part < 2 else strength[1 + sun])), there, own)
             origin = own if part < 2 else centre
             for i in range(count):
-                body = int(planets[numbers + 2 + i // WIDTH, i % WIDTH])
-                store(rows, 3 * body + k, origin + load(room, 3 * i + k))
+                store(rows, 3 * body_of(planets, i) + k, origin + load(kept, 3 * i + k))
             store(rows, 3 * sun + k, own)

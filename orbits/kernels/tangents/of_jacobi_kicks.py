@@ -16,22 +16,34 @@ Sources: Mikkola & Innanen (1999), Celest. Mech. Dyn. Astron. 74, 59; Rein & Tam
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, fma, full, load, store
-from orbits.kernels.maps.interaction import ATTRACTING, CENTRAL, INNER, MASS, OUTER, ROWS, SHARE, SHIFTED, STATE_ROWS
-from orbits.kernels.maps.stages import LAZY, MODIFIED, STANDARD
+from orbits.kernels.lanes import fma, full, load, store
+from orbits.kernels.maps.layout import (
+    ATTRACTING,
+    CENTRAL,
+    INNER,
+    MASS,
+    OUTER,
+    SHARE,
+    SHIFTED,
+    body_of,
+    constant,
+    coordinate,
+    dominant,
+)
+from orbits.kernels.maps.programs import LAZY, MODIFIED, STANDARD
 from orbits.kernels.tangents.of_kepler_flow import pull_bend, pull_change
 from orbits.kernels.tangents.of_terms import add_static
-from orbits.kernels.tangents.vector_parts import ALONG, HERE, MOVED, constant, to_places
+from orbits.kernels.tangents.vector_parts import ALONG, HERE, MOVED, to_places
 
 
 @kernel
-def place_planets(planets, scratch, count, kick, places):
+def place_planets(kick, room):
     """Write the places at which the derivative of a kick is taken, and for the modified kick the displacement."""
+    scratch, places, count = room.scratch, room.places, room.mass.shape[0]
     for i in range(count):
-        first, other, slot = STATE_ROWS * (i // WIDTH), ROWS * (i // WIDTH) + SHIFTED, i % WIDTH
         for k in range(3):
-            places[HERE, i, k] = planets[first + k, slot]
-            places[MOVED if kick == LAZY else ALONG, i, k] = scratch[other + k, slot]
+            places[HERE, i, k] = coordinate(room.planets, k, i)
+            places[MOVED if kick == LAZY else ALONG, i, k] = constant(scratch, SHIFTED + k, i)
     _write_places(scratch, count, places[HERE])
     if kick != STANDARD:
         _write_places(scratch, count, places[MOVED if kick == LAZY else ALONG])
@@ -144,38 +156,35 @@ def _of_pair(x, y, z, ex, ey, ez, bend, dx, dy, dz):
 
 
 @kernel
-def to_jacobi(planets, scratch, count, vectors, room):
+def to_jacobi(vectors, room):
     """Change eight vectors from the order of the bodies to the planets' order, relative to those inside."""
-    numbers = STATE_ROWS * (scratch.shape[0] // ROWS)
-    sun = int(planets[numbers, 6])
+    planets, scratch, count, kept = room.planets, room.scratch, room.mass.shape[0], room.shifted
     for part in range(4):
         rows = vectors[part]
         for k in range(3):
-            inside = load(rows, 3 * sun + k)
+            inside = load(rows, 3 * dominant(planets) + k)
             for i in range(count):
-                body = int(planets[numbers + 2 + i // WIDTH, i % WIDTH])
-                d = load(rows, 3 * body + k) - inside
-                store(room, 3 * i + k, d)
+                d = load(rows, 3 * body_of(planets, i) + k) - inside
+                store(kept, 3 * i + k, d)
                 inside = fma(full(constant(scratch, SHARE, i)), d, inside)
             for i in range(count):
-                store(rows, 3 * i + k, load(room, 3 * i + k))
+                store(rows, 3 * i + k, load(kept, 3 * i + k))
             store(rows, 3 * count + k, inside)
 
 
 @kernel
-def to_bodies(planets, scratch, count, vectors, room):
+def to_bodies(vectors, room):
     """Undo `to_jacobi`."""
-    numbers = STATE_ROWS * (scratch.shape[0] // ROWS)
+    planets, scratch, count, kept = room.planets, room.scratch, room.mass.shape[0], room.shifted
     for part in range(4):
         rows = vectors[part]
         for k in range(3):
             inside = load(rows, 3 * count + k)
             for i in range(count):
-                store(room, 3 * i + k, load(rows, 3 * i + k))
+                store(kept, 3 * i + k, load(rows, 3 * i + k))
             for back in range(count):
                 i = count - 1 - back
-                body = int(planets[numbers + 2 + i // WIDTH, i % WIDTH])
-                d = load(room, 3 * i + k)
+                d = load(kept, 3 * i + k)
                 inside = fma(full(-constant(scratch, SHARE, i)), d, inside)
-                store(rows, 3 * body + k, inside + d)
-            store(rows, 3 * int(planets[numbers, 6]) + k, inside)
+                store(rows, 3 * body_of(planets, i) + k, inside + d)
+            store(rows, 3 * dominant(planets) + k, inside)

@@ -9,8 +9,7 @@ computed once: the `Flow` of the Kepler motion, and the derivative of the kick, 
 
 The planets have no variations. Passages that the map cannot follow are noted on the way.
 
-Sources: those of `orbits.kernels.tangents.of_jacobi_kicks`; Cincotta, Giordano & Simó (2003), Physica D 182, 151, for
-MEGNO.
+Sources: those of `orbits.kernels.tangents.of_jacobi_kicks`.
 """
 
 from __future__ import annotations
@@ -32,24 +31,23 @@ from orbits.kernels.lanes import (
     store,
     unit,
 )
-from orbits.kernels.lanes.functions import log
 from orbits.kernels.maps.jacobi_particles import (
     drifted_particles,
     interaction,
     kicked_particles,
-    of_places,
     store_marched,
-    table_rows,
     take_particles,
     with_interaction,
 )
-from orbits.kernels.maps.stages import LAZY, MODIFIED
+from orbits.kernels.maps.jacobi_tables import of_places, table_rows
+from orbits.kernels.maps.orbits import place_of, times
+from orbits.kernels.maps.programs import KICK, LAZY, MODIFIED, SHIFT, WHOLE
 from orbits.kernels.search.apsides import apsides
 from orbits.kernels.search.context import flat
 from orbits.kernels.search.cubics import hermite
 from orbits.kernels.steps import Model
+from orbits.kernels.tangents.growth import add_growth
 from orbits.kernels.tangents.of_kepler_flow import flow_change, flow_of
-from orbits.kernels.tangents.through_stages import AREA, BEFORE, LARGE, LEVER, LOGARITHM, SMALLER, SQUARE
 
 NEAR, WHICH, SHARP = 0, 1, 2
 """Rows of what is noted of eight particles: the step with the first passage near a planet, the number of that planet
@@ -57,10 +55,6 @@ outwards, and the step with the first pericentre that is not resolved; infinite 
 
 PARTS = 8
 """Parts of a step in which the distance from a planet is looked for."""
-
-ODD = tuple(1.0 / (2 * k + 1) for k in range(12, 0, -1))
-"""Coefficients of the series of artanh z / z - 1 in z^2, the highest first: complete to 1e-17 for |z| <= 1/4."""
-
 
 class Matrix(NamedTuple):
     """The derivative of a kick, by rows."""
@@ -94,19 +88,20 @@ class Judged(NamedTuple):
 
 @kernel
 def follow_particles(
-    tag, coefficients, strength, t, h, memory, stages, retired, rows, begun, steps, start, stop, kick, scale,
+    tag, coefficients, strength, t, h, memory, stages, retired, rows, begun, steps, start, stop, scale,
     vectors, growth, judged
 ):  # fmt: skip
     """March particles start ... stop - 1 by `steps` steps through the tables of the planets, and their vectors.
 
     tag, strength : of Newton's gravity; memory, stages, rows : see `orbits.kernels.maps.jacobi_particles`
     retired : (padded, 2) int64, those with another number than 0 rest
-    begun : the number of steps before; kick : see `orbits.kernels.maps.stages`
+    begun : the number of steps before
     vectors : (groups, count, 6, 8), dr' and its velocity; growth : (groups, count, 5, 8), see
-        `orbits.kernels.tangents.through_stages`
+        `orbits.kernels.tangents.growth`
     """
-    count, half, shift = strength.shape[0] - 2, 0.5 * h, coefficients[0, 2]
-    whole, lazy, after, model = coefficients[0, 1], coefficients[0, 3], table_rows(count), Model(tag, strength)
+    count, half, whole, shift = strength.shape[0] - 2, 0.5 * h, coefficients[0, WHOLE], coefficients[0, SHIFT]
+    kick, after, model = int(coefficients[0, KICK]), table_rows(count), Model(tag, strength)
+    lazy = kick == LAZY
     for p in range(start, stop, WIDTH):
         there = full(1.0)
         for j in range(WIDTH):
@@ -118,13 +113,14 @@ def follow_particles(
         matrix = kick_matrix(stages[0], 0, count, kick, shift, marched, rows)
         for k in range(steps):
             table, before = stages[k], marched
-            marched, ax, ay, az = drifted_particles(before, whole, half)
-            kx, ky, kz = half * before.gx, half * before.gy, half * before.gz
+            marched, (ax, ay, az) = drifted_particles(before, whole, half)
+            (kx, ky, kz), begun_at, now_at = times(half, before.g), before.orbits, marched.orbits
             flow = flow_of(
-                before.x, before.y, before.z, before.vx + kx, before.vy + ky, before.vz + kz, before.gm, full(h),
-                (marched.x - before.x) + (marched.x_lo - before.x_lo),
-                (marched.y - before.y) + (marched.y_lo - before.y_lo),
-                (marched.z - before.z) + (marched.z_lo - before.z_lo),
+                begun_at.x, begun_at.y, begun_at.z, begun_at.vx + kx, begun_at.vy + ky, begun_at.vz + kz,
+                before.gm, full(h),
+                (now_at.x - begun_at.x) + (now_at.x_lo - begun_at.x_lo),
+                (now_at.y - begun_at.y) + (now_at.y_lo - begun_at.y_lo),
+                (now_at.z - begun_at.z) + (now_at.z_lo - begun_at.z_lo),
                 ax - kx, ay - ky, az - kz,
             )  # fmt: skip
             g = interaction(model, table, after, shift, lazy, marched, rows)
@@ -167,47 +163,14 @@ def _times(matrix, x, y, z):
 
 @kernel(inline=True)
 def _measure(t, h, scale, vector, growth):
-    """Add a step of h from t to the growth of a vector of each of eight particles; see
-    `orbits.kernels.tangents.through_stages`.
-    """
+    """Add a step of h from t to the growth of a vector of each of eight particles."""
     x, y, z = load(vector, 0), load(vector, 1), load(vector, 2)
     vx, vy, vz = scale * load(vector, 3), scale * load(vector, 4), scale * load(vector, 5)
     now = fma(x, x, fma(y, y, fma(z, z, fma(vx, vx, fma(vy, vy, vz * vz)))))
-    grown = 0.5 * log_ratio(now, load(growth, SQUARE))
-    lever = fma(full(t + 0.5 * h), grown, load(growth, LEVER))
-    Y = (2.0 / (t + h)) * lever
-    store(growth, LEVER, lever)
-    store(growth, LOGARITHM, load(growth, LOGARITHM) + grown)
-    store(growth, AREA, fma(full(0.5 * h), load(growth, BEFORE) + Y, load(growth, AREA)))
-    store(growth, BEFORE, Y)
-    large = now > LARGE
-    if any_lane(large):
-        factor = select(large, full(SMALLER), full(1.0))
+    factor = add_growth(t, h, now, growth)
+    if any_lane(factor < 1.0):
         for row in range(6):
             store(vector, row, factor * load(vector, row))
-        now = now * (factor * factor)
-    store(growth, SQUARE, now)
-
-
-@kernel(inline=True)
-def log_ratio(a, b):
-    """Return ln(a / b) of positive numbers."""
-    z = (a - b) / (a + b)
-    z2 = z * z
-    series = 0.0 * z
-    for k in range(len(ODD)):
-        series = fma(series, z2, ODD[k])
-    value = 2.0 * fma(z * z2, series, z)
-    near = z2 <= 0.0625
-    if any_lane(1.0 - near):
-        value = select(near, value, _far_log(a, b))
-    return value
-
-
-@kernel
-def _far_log(a, b):
-    """Return ln(a / b), not copied into the caller."""
-    return log(a / b)
 
 
 @kernel(inline=True)
@@ -274,16 +237,16 @@ def _derivative(line, first, count, second, place, centre, marched):
 def kick_matrix(table, first, count, kick, shift, marched, rows):
     """Return the derivative of the kick of eight particles, by a table of the planets."""
     line = flat(table)
-    x, y, z = marched.x, marched.y, marched.z
-    centre = of_places(line, first, 0, marched, rows)
+    (x, y, z), number, common = place_of(marched.orbits), marched.number, marched.common
+    centre = of_places(line, first, 0, number, common, rows)
     T, g = _derivative(line, first, count, 0, (x, y, z), centre, marched)
     if kick == LAZY:
-        moved = of_places(line, first, 1, marched, rows)
+        moved = of_places(line, first, 1, number, common, rows)
         place = fma(shift, g[0], x), fma(shift, g[1], y), fma(shift, g[2], z)
         U, _ = _derivative(line, first, count, 1, place, moved, marched)
         return _product(U, T, shift, U)
     if kick == MODIFIED:
-        moved = of_places(line, first, 1, marched, rows)
+        moved = of_places(line, first, 1, number, common, rows)
         sx, sy, sz = shift * g[0], shift * g[1], shift * g[2]
         ex, ey, ez = sx + moved[0], sy + moved[1], sz + moved[2]
         ux, uy, uz = x + centre[0], y + centre[1], z + centre[2]
@@ -332,33 +295,34 @@ def _judge(table, count, h, when, ends, judged, found, rows):
     (begun, k), (before, marched), line = when, ends, flat(table)
     step, n, sun = 1.0 * (begun + k), judged.order.shape[0], judged.order[0]
     there = marched.gm > 0.0
-    cx, cy, cz, _, _, _ = of_places(line, table_rows(count), 0, marched, rows)
+    cx, cy, cz, _, _, _ = of_places(line, table_rows(count), 0, marched.number, marched.common, rows)
+    old, new = before.orbits, marched.orbits
     begin, end = judged.path[k], judged.path[k + 1]
     for j in range(count):
         body = judged.order[1 + j]
         px, py = end[0, body] - end[0, sun], end[0, n + body] - end[0, n + sun]
         pz = end[0, 2 * n + body] - end[0, 2 * n + sun]
-        dx, dy, dz = px - (marched.x + cx), py - (marched.y + cy), pz - (marched.z + cz)
-        vx = (end[1, body] - end[1, sun]) - marched.vx
-        vy = (end[1, n + body] - end[1, n + sun]) - marched.vy
-        vz = (end[1, 2 * n + body] - end[1, 2 * n + sun]) - marched.vz
+        dx, dy, dz = px - (new.x + cx), py - (new.y + cy), pz - (new.z + cz)
+        vx = (end[1, body] - end[1, sun]) - new.vx
+        vy = (end[1, n + body] - end[1, n + sun]) - new.vy
+        vz = (end[1, 2 * n + body] - end[1, 2 * n + sun]) - new.vz
         d2, v2 = fma(dx, dx, fma(dy, dy, dz * dz)), fma(vx, vx, fma(vy, vy, vz * vz))
         limit = judged.reach[j] * (px * px + py * py + pz * pz)
         # (a + b)^2 <= 2 (a^2 + b^2), for the reach and the way in a step, with half of that for its curvature
         if any_lane((d2 < 2.0 * (limit + 2.25 * h * h * v2)) * there * (load(found, NEAR) > step)):
-            ax = (begin[0, body] - begin[0, sun]) - (before.x + cx)
-            ay = (begin[0, n + body] - begin[0, n + sun]) - (before.y + cy)
-            az = (begin[0, 2 * n + body] - begin[0, 2 * n + sun]) - (before.z + cz)
-            wx = (begin[1, body] - begin[1, sun]) - before.vx
-            wy = (begin[1, n + body] - begin[1, n + sun]) - before.vy
-            wz = (begin[1, 2 * n + body] - begin[1, 2 * n + sun]) - before.vz
+            ax = (begin[0, body] - begin[0, sun]) - (old.x + cx)
+            ay = (begin[0, n + body] - begin[0, n + sun]) - (old.y + cy)
+            az = (begin[0, 2 * n + body] - begin[0, 2 * n + sun]) - (old.z + cz)
+            wx = (begin[1, body] - begin[1, sun]) - old.vx
+            wy = (begin[1, n + body] - begin[1, n + sun]) - old.vy
+            wz = (begin[1, 2 * n + body] - begin[1, 2 * n + sun]) - old.vz
             least = _least((ax, ay, az), (h * wx, h * wy, h * wz), (dx, dy, dz), (h * vx, h * vy, h * vz))
             first = (least < limit) * there * (load(found, NEAR) > step)
             store(found, NEAR, select(first, full(step), load(found, NEAR)))
             store(found, WHICH, select(first, full(1.0 * j), load(found, WHICH)))
     ahead = 1.0 if h > 0.0 else -1.0
-    inwards = fma(before.x, before.vx, fma(before.y, before.vy, before.z * before.vz))
-    outwards = fma(marched.x, marched.vx, fma(marched.y, marched.vy, marched.z * marched.vz))
+    inwards = fma(old.x, old.vx, fma(old.y, old.vy, old.z * old.vz))
+    outwards = fma(new.x, new.vx, fma(new.y, new.vy, new.z * new.vz))
     passed = (ahead * inwards < 0.0) * (ahead * outwards >= 0.0) * there * (load(found, SHARP) > step)
     if any_lane(passed):
         sharp = passed * _is_sharp(h, judged.turn, marched)
@@ -389,6 +353,7 @@ def _least(a, v, b, w):
 @kernel
 def _is_sharp(h, turn, marched):
     """Return 1 where a step turns a particle by more than `turn` at the pericentre of its orbit."""
-    orbit = apsides(marched.gm, marched.x, marched.y, marched.z, marched.vx, marched.vy, marched.vz)
+    at = marched.orbits
+    orbit = apsides(marched.gm, at.x, at.y, at.z, at.vx, at.vy, at.vz)
     angle = turn * orbit.least * orbit.least
     return h * h * orbit.swept2 >= angle * angle  # also of a radial orbit

@@ -19,11 +19,12 @@ from __future__ import annotations
 from orbits.kernels.binding import kernel_of, other_terms
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import WIDTH, fma, full, load, store
-from orbits.kernels.maps.interaction import RATE, ROWS, SHARE, STATE_ROWS
-from orbits.kernels.maps.stages import LAZY
-from orbits.kernels.maps.terms_of_dominant import MORE, QUICK, WEAK, depends_on_positions, depends_on_velocities
-from orbits.kernels.tangents.vector_parts import ALONG, HERE, MOVED, add_from_places, add_three, constant, to_places
+from orbits.kernels.lanes import fma, full, load, store
+from orbits.kernels.maps.layout import RATE, SHARE, constant, coordinate
+from orbits.kernels.maps.programs import LAZY
+from orbits.kernels.maps.terms_by_kind import depends_on_positions, depends_on_velocities
+from orbits.kernels.maps.terms_of_dominant import MORE, QUICK, WEAK
+from orbits.kernels.tangents.vector_parts import ALONG, HERE, MOVED, add_from_places, add_three, to_places
 
 PAIR = 6
 """Coordinates of a pair of bodies."""
@@ -146,15 +147,14 @@ def _place_flow(tags, pair, half, known, room):
         q[2 * k], v[2 * k] = 0.0, 0.0
     bx, by, bz, bu, bv, bw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(room.mass.shape[0]):
-        slot, first, rate = i % WIDTH, STATE_ROWS * (i // WIDTH), ROWS * (i // WIDTH) + RATE
-        rx, ry, rz = scratch[rate, slot], scratch[rate + 1, slot], scratch[rate + 2, slot]
-        x, y, z = planets[first, slot], planets[first + 1, slot], planets[first + 2, slot]
-        u, s, w = planets[first + 3, slot], planets[first + 4, slot], planets[first + 5, slot]
+        rx, ry, rz = constant(scratch, RATE, i), constant(scratch, RATE + 1, i), constant(scratch, RATE + 2, i)
+        x, y, z = coordinate(planets, 0, i), coordinate(planets, 1, i), coordinate(planets, 2, i)
+        u, s, w = coordinate(planets, 3, i), coordinate(planets, 4, i), coordinate(planets, 5, i)
         strong = strong or rx * rx + ry * ry + rz * rz > WEAK * (u * u + s * s + w * w)
         x, y, z = x - half * rx, y - half * ry, z - half * rz
-        u = u - half * scratch[rate + 3, slot] + known * rx
-        s = s - half * scratch[rate + 4, slot] + known * ry
-        w = w - half * scratch[rate + 5, slot] + known * rz
+        u = u - half * constant(scratch, RATE + 3, i) + known * rx
+        s = s - half * constant(scratch, RATE + 4, i) + known * ry
+        w = w - half * constant(scratch, RATE + 5, i) + known * rz
         q[1], q[3], q[5] = bx + x, by + y, bz + z
         v[1], v[3], v[5] = bu + u, bv + s, bw + w
         share = constant(scratch, SHARE, i)

@@ -1,6 +1,6 @@
 """Tangent vectors that follow a Wisdom–Holman map of planets: the exact derivative of each step, stage by stage.
 
-A step of every such map is a sequence of stages, rows (kind, length) that its form gives (`stages_of`): Kepler motions,
+A step of every such map is a sequence of stages, rows (kind, length) of its program: Kepler motions,
 kicks, flows of terms. The map is marched by its own kernels, to the same bits. On a copy of its state the stages of the
 step are taken one by one, and the vectors with them, each by the derivative of the stage where the copy stands:
 `orbits.kernels.tangents.of_kepler_flow`, `of_jacobi_kicks`, `of_heliocentric_kicks`, `of_terms`. As the derivative of
@@ -21,19 +21,27 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.kepler.flow import kepler_increments
 from orbits.kernels.lanes import WIDTH, full, load, store
-from orbits.kernels.maps.heliocentric import (
-    drift_heliocentric,
-    enter_heliocentric,
-    kick_heliocentric,
-    prepare_heliocentric,
+from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, kick_planets, move_centre
+from orbits.kernels.maps.layout import STATE_ROWS, body_of, copy_rows, dominant, store_three
+from orbits.kernels.maps.orbits import displaced, kicked, orbits_of, place_of, velocity_of, write_orbits
+from orbits.kernels.maps.programs import (
+    DRIFT,
+    FLOW,
+    KIND,
+    LAZY,
+    LENGTH,
+    MODIFIED,
+    SHIFT,
+    STANDARD,
+    programs_of,
 )
-from orbits.kernels.maps.interaction import STATE_ROWS, displace, interact, modify
-from orbits.kernels.maps.jacobi import enter_planets, finish_velocities, kick_planets, move_planets, prepare_room
-from orbits.kernels.maps.stages import DRIFT, FLOW, HELIOCENTRIC_DRIFT, HELIOCENTRIC_KICK, LAZY, MODIFIED, STANDARD
-from orbits.kernels.maps.terms_of_dominant import flow, kick_more, strength_of, to_momenta, to_velocities
-from orbits.kernels.steps import Method, Model, Share, State, Storage, begin, enter, leave, step
+from orbits.kernels.maps.stages import enter_coordinates, is_heliocentric, leave_coordinates, prepare, take
+from orbits.kernels.maps.terms_by_kind import strength_of
+from orbits.kernels.maps.terms_of_dominant import change_variables
+from orbits.kernels.steps import Method, Model, Share, State, Storage, begin, step
 from orbits.kernels.sums.summation import add_product
 from orbits.kernels.tangents.of_heliocentric_kicks import (
     from_heliocentric,
@@ -50,13 +58,16 @@ from orbits.kernels.tangents.vector_parts import add_three
 NUMBERS_OF_A_FLOW = 22
 """Numbers of a `Flow`."""
 
+UNKNOWN, EVALUATED, CHANGED = 0, 1, 2
+"""What is known of a kick at a place: nothing; the interaction; and its change along the vectors."""
+
 
 class VectorRoom(NamedTuple):
     """Workspace for n planets and groups of eight vectors.
 
     planets, scratch : a copy of what is marched, and its `room`
-    gm, mass : (n,), that about which a planet moves, and its own
-    flows : (n, 22), see `Flow`; places : (3, n, 6), see `orbits.kernels.tangents.of_jacobi_kicks`
+    gm : (registers, 8), that about which a planet moves; mass : (n,), its own
+    flows : (registers, 22, 8), see `Flow`; places : (3, n, 6), see `orbits.kernels.tangents.of_jacobi_kicks`
     bends : (3, n, 27), second derivatives of terms, see `orbits.kernels.tangents.of_terms`; pair, curvature : of a pair
         of bodies: the parameters of the terms, and workspace
     force : (groups, 3n, 8), the change of the kick; shifted, offset, pull, further : (3n, 8); rates : (6n, 8)
@@ -81,225 +92,181 @@ class VectorRoom(NamedTuple):
 
 @kernel
 def follow_map(
-    form, coefficients, tag, parameters, t, h, q, q_lo, p, p_lo, carry, scratch, stages, steps, program, shift, scale,
-    vectors, growth, room
+    form, coefficients, tag, parameters, t, h, q, q_lo, p, p_lo, carry, scratch, stages, steps, scale, vectors, growth,
+    room,
 ):  # fmt: skip
     """March the map by `steps` steps from time t, and tangent vectors with it.
 
-    program : the stages of a step, (s, 2); shift : h^2/12, of modified and lazy kicks
     scale : the unit of time in which velocities count in |x|
-    vectors : (groups, 4, 3 (n + 1), 8); growth : (groups, 5, 8), see `orbits.kernels.tangents.through_stages`, or none
+    vectors : (groups, 4, 3 (n + 1), 8); growth : (groups, 5, 8), see `orbits.kernels.tangents.growth`, or none
     The other arguments are those of `orbits.marching.stepping.driver.march`.
     """
     method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    count = strength_of(model).shape[0] - 2
-    storage = Storage(carry, scratch, stages, Share(0, 3 * (count + 1), None))
+    storage = Storage(carry, scratch, stages, Share(0, 3 * (strength_of(model).shape[0] - 1), None))
     begin(method, model, t, h, state, storage)
+    _, program = programs_of(coefficients)
     last = program.shape[0] - 1
-    ends_with_kick = _is_kick(int(program[last, 0]))
-    _copy(carry, room.planets)
-    kicked = False
+    final, length = int(program[last, KIND]), program[last, LENGTH]
+    ends_with_kick = final in (STANDARD, MODIFIED, LAZY)
+    copy_rows(carry, room.planets)
+    known = UNKNOWN
     for k in range(steps):
-        for row in range(last):
-            kicked = _take(model, int(program[row, 0]), program[row, 1], kicked, shift, vectors, room)
-        if not ends_with_kick:
-            kicked = _take(model, int(program[last, 0]), program[last, 1], kicked, shift, vectors, room)
+        for row in range(last if ends_with_kick else last + 1):
+            known = _take(method, model, int(program[row, KIND]), program[row, LENGTH], known, vectors, room)
         step(method, model, t, h, state, storage)
-        _copy(carry, room.planets)
+        copy_rows(carry, room.planets)
         if ends_with_kick:  # where the first kick of the next step is: at the same bits in any block of steps
-            kicked = _take(model, int(program[last, 0]), program[last, 1], False, shift, vectors, room)
-            _copy_velocities(carry, room.planets)
+            copy_rows(scratch, room.scratch)
+            known = _take(method, model, final, length, EVALUATED, vectors, room)
+            copy_rows(carry, room.planets)
         if growth.shape[0]:
             for group in range(vectors.shape[0]):
                 measure(abs(t) + k * abs(h), abs(h), scale, vectors[group], room.pull[:0], growth[group])
 
 
-@kernel(inline=True)
-def _is_kick(kind):
-    return kind in (STANDARD, MODIFIED, LAZY)
-
-
-@kernel(inline=True)
-def _is_heliocentric(program):
-    return program.shape[0] > 0 and int(program[0, 0]) >= HELIOCENTRIC_DRIFT
-
-
 @kernel
-def _copy(planets, copy):
-    for row in range(planets.shape[0]):
-        store(copy, row, load(planets, row))
-
-
-@kernel
-def _copy_velocities(planets, copy):
-    for row in range((planets.shape[0] - 2) // (STATE_ROWS + 1) * STATE_ROWS):
-        if row % 6 >= 3:
-            store(copy, row, load(planets, row))
-
-
-@kernel
-def enter_with_vectors(
-    form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages, entry, shift, vectors, room
-):  # fmt: skip
+def enter_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, vectors, room):
     """Change to what is marched, with the vectors, (groups, 4, 3 (n + 1), 8): from the order of the bodies to that of
-    the map, with the centre of mass at the end; entry : the stages that lead there.
+    the map, with the centre of mass at the end.
     """
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
+    method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
     strength = strength_of(model)
-    count = strength.shape[0] - 2
-    storage = Storage(carry, scratch, stages, Share(0, 3 * (count + 1), None))
-    heliocentric = _is_heliocentric(entry)
-    _copy(carry, room.planets)
-    if heliocentric:
-        enter_heliocentric(strength, q, q_lo, p, p_lo, room.planets, room.scratch)
-    else:
-        enter_planets(strength, q, q_lo, p, p_lo, room.planets, room.scratch)
-    _keep_masses(strength, room.planets, heliocentric, room)
-    central = _central(strength, room.planets)
+    copy_rows(carry, planets)
+    enter_coordinates(method, strength, q, q_lo, p, p_lo, planets, room.scratch)
+    _keep_masses(method, strength, room)
     for group in range(vectors.shape[0]):
-        if heliocentric:
-            to_heliocentric(room.planets, room.mass, central, count, vectors[group], room.shifted)
-        else:
-            to_jacobi(room.planets, room.scratch, count, vectors[group], room.shifted)
-    if not heliocentric:
-        momenta_of_vectors(model, vectors, room)
-        to_momenta(model, room.planets, room.scratch, stages, -1)
-    kicked = False
+        _to_coordinates(method, strength, vectors[group], room)
+    momenta_of_vectors(model, vectors, room)
+    change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, -1.0)
+    entry, _ = programs_of(coefficients)
     for row in range(entry.shape[0]):
-        kicked = _take(model, int(entry[row, 0]), entry[row, 1], kicked, shift, vectors, room)
-    enter(method, model, h, state, storage)
+        _take(method, model, int(entry[row, KIND]), entry[row, LENGTH], UNKNOWN, vectors, room)
+    copy_rows(planets, carry)
 
 
 @kernel
-def leave_with_vectors(
-    form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry, scratch, stages, entry, shift, vectors, room
-):  # fmt: skip
+def leave_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, vectors, room):
     """Undo `enter_with_vectors`; what is marched is lost."""
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    strength = strength_of(model)
-    count = strength.shape[0] - 2
-    storage = Storage(carry, scratch, stages, Share(0, 3 * (count + 1), None))
-    heliocentric = _is_heliocentric(entry)
-    _copy(carry, room.planets)
-    if heliocentric:
-        prepare_heliocentric(strength, room.planets, room.scratch)
-    else:
-        prepare_room(strength, room.planets, room.scratch)
-    kicked = False
+    method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
+    strength, (entry, _) = strength_of(model), programs_of(coefficients)
+    copy_rows(carry, planets)
+    prepare(method, strength, planets, room.scratch)
     for back in range(entry.shape[0]):
         row = entry.shape[0] - 1 - back
-        kicked = _take(model, int(entry[row, 0]), -entry[row, 1], kicked, shift, vectors, room)
-    if not heliocentric:
-        to_velocities(model, room.planets, room.scratch, stages, -1)
-        velocities_of_vectors(model, vectors, room)
-    leave(method, model, h, state, storage)
-    central = _central(strength, room.planets)
+        _take(method, model, int(entry[row, KIND]), -entry[row, LENGTH], UNKNOWN, vectors, room)
+    change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, 1.0)
+    velocities_of_vectors(model, vectors, room)
+    leave_coordinates(method, strength, planets, room.scratch, q, q_lo, p, p_lo)
     for group in range(vectors.shape[0]):
-        if heliocentric:
-            from_heliocentric(room.planets, room.mass, central, count, vectors[group], room.shifted)
-        else:
-            to_bodies(room.planets, room.scratch, count, vectors[group], room.shifted)
+        _from_coordinates(method, strength, vectors[group], room)
 
 
-@kernel(inline=True)
-def _central(strength, planets):
-    """Return GM of the dominant body, also of one that is alone."""
-    return strength[1 + int(planets[planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS, 6])]
+@verb
+def _to_coordinates(method, strength, vectors, room):
+    """Change eight vectors from those of the bodies to those of the planets and the centre of mass."""
+    if is_heliocentric(method):
+        return lambda method, strength, vectors, room: to_heliocentric(strength, vectors, room)
+    return lambda method, strength, vectors, room: to_jacobi(vectors, room)
+
+
+@verb
+def _from_coordinates(method, strength, vectors, room):
+    """Undo `_to_coordinates`."""
+    if is_heliocentric(method):
+        return lambda method, strength, vectors, room: from_heliocentric(strength, vectors, room)
+    return lambda method, strength, vectors, room: to_bodies(vectors, room)
+
+
+@verb
+def _adds_up(method):
+    """Return whether a planet moves about all bodies inside it, and not about the dominant one alone."""
+    return (lambda method: False) if is_heliocentric(method) else (lambda method: True)
 
 
 @kernel
-def _keep_masses(strength, planets, heliocentric, room):
+def _keep_masses(method, strength, room):
     """Write GM of the planets, and that about which each of them moves, in their order."""
-    numbers = planets.shape[0] // (STATE_ROWS + 1) * STATE_ROWS
-    central = _central(strength, planets)
-    inside = central
+    inside = strength[1 + dominant(room.planets)]
     for i in range(strength.shape[0] - 2):
-        gm = strength[1 + int(planets[numbers + 2 + i // WIDTH, i % WIDTH])]
-        inside += gm
-        room.mass[i], room.gm[i] = gm, central if heliocentric else inside
+        gm = strength[1 + body_of(room.planets, i)]
+        if _adds_up(method):
+            inside += gm
+        room.mass[i], room.gm[i // WIDTH, i % WIDTH] = gm, inside
 
 
 @kernel
-def _take(model, kind, length, kicked, shift, vectors, room):
-    """Take a stage, of the copy and of the vectors. Returns whether the change of a kick is known where they are.
-
-    kicked : whether it is known before
-    """
-    planets, scratch, count = room.planets, room.scratch, room.mass.shape[0]
-    if kind in (DRIFT, HELIOCENTRIC_DRIFT):
-        write_flows(planets, room.gm, length, room.flows)
-        if kind == DRIFT:
-            move_planets(planets, scratch, length, 0.0)
-            finish_velocities(planets, scratch, 0.0)
-        else:
-            drift_heliocentric(planets, scratch, length)
+def _take(method, model, kind, length, known, vectors, room):
+    """Take a stage, of the copy and of the vectors. Returns what is known of a kick where they are; known : before."""
+    planets, scratch = room.planets, room.scratch
+    if kind == DRIFT:
+        drift_with_flows(planets, room.gm, length, room.flows)
         for group in range(vectors.shape[0]):
-            move_vectors(room.flows, count, length, vectors[group])
-        return False
+            move_vectors(room.flows, room.mass.shape[0], length, vectors[group])
+        return UNKNOWN
     if kind == FLOW:
-        flow(model, planets, scratch, length)
+        take(method, model, kind, length, planets, scratch, scratch, False)
         flow_vectors(model, length, vectors, room)
-        return False
-    if kind == HELIOCENTRIC_KICK:
-        place_heliocentric(planets, room.places)
-        kick_heliocentric(planets, scratch, count, length)
-        central = _central(strength_of(model), planets)
-        for group in range(vectors.shape[0]):
-            kick_heliocentric_vectors(room.mass, central, length, vectors[group], room)
-        return False
-    if not kicked:
-        _place_kick(model, kind, shift, room)
+        return UNKNOWN
+    _kick(method, model, kind, length, known, vectors, room)
+    return CHANGED
+
+
+@verb
+def _kick(method, model, kind, length, known, vectors, room):
+    """Take a kick; known : what is known of it where the planets are."""
+    return _kick_in_heliocentric if is_heliocentric(method) else _kick_in_jacobi
+
+
+def _kick_in_heliocentric(method, model, kind, length, known, vectors, room):
+    place_heliocentric(room.planets, room.places)
+    take(method, model, kind, length, room.planets, room.scratch, room.scratch, False)
+    strength = strength_of(model)
+    for group in range(vectors.shape[0]):
+        kick_heliocentric_vectors(strength, length, vectors[group], room)
+
+
+def _kick_in_jacobi(method, model, kind, length, known, vectors, room):
+    planets, scratch, shift = room.planets, room.scratch, method.coefficients[0, SHIFT]
+    if known == UNKNOWN:
+        evaluate_kick(None, model, kind, shift, planets, scratch, scratch, NO_TABLE)
+    if known != CHANGED:
+        place_planets(kind, room)
+        place_static(model, kind, room)
         for group in range(vectors.shape[0]):
             change_of_kick(model, kind, shift, vectors[group, 0], room.force[group], room)
     kick_planets(planets, scratch, length)
     for group in range(vectors.shape[0]):
-        kick_vectors(count, length, vectors[group], room.force[group])
-    return True
+        kick_vectors(room.mass.shape[0], length, vectors[group], room.force[group])
 
 
 @kernel
-def _place_kick(model, kind, shift, room):
-    """Write the interaction for a kick, and where its derivative is taken."""
-    planets, scratch, count = room.planets, room.scratch, room.mass.shape[0]
-    interact(planets, scratch, count, False)
-    if kind == LAZY:
-        kick_more(model, planets, scratch)
-        displace(planets, scratch, shift)
-        interact(planets, scratch, count, True)
-    elif kind == MODIFIED:
-        modify(planets, scratch, count, shift)
-    kick_more(model, planets, scratch)
-    place_planets(planets, scratch, count, kind, room.places)
-    place_static(model, kind, room)
-
-
-@kernel
-def write_flows(planets, gm, h, flows):
-    """Write the `Flow` of each planet for a Kepler motion of h."""
-    for i in range(gm.shape[0]):
-        first, slot = STATE_ROWS * (i // WIDTH), i % WIDTH
-        x, y, z = planets[first, slot], planets[first + 1, slot], planets[first + 2, slot]
-        vx, vy, vz = planets[first + 3, slot], planets[first + 4, slot], planets[first + 5, slot]
-        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, gm[i], h)
-        flow = flow_of(x, y, z, vx, vy, vz, gm[i], h, dx, dy, dz, dvx, dvy, dvz)
-        _write(flows[i], flow)
+def drift_with_flows(planets, gm, h, flows):
+    """Advance the planets on their Kepler orbits by h, and write the `Flow` of each."""
+    for register in range(gm.shape[0]):
+        own, about, rows = planets[STATE_ROWS * register :], load(gm, register), flows[register]
+        orbits = orbits_of(full(0.0), own)
+        (x, y, z), (vx, vy, vz) = place_of(orbits), velocity_of(orbits)
+        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, about, full(h))
+        write_orbits(own, kicked(displaced(orbits, (dx, dy, dz)), (dvx, dvy, dvz)))
+        flow = flow_of(x, y, z, vx, vy, vz, about, full(h), dx, dy, dz, dvx, dvy, dvz)
+        store_three(rows, 0, (flow.x, flow.y, flow.z))
+        store_three(rows, 3, (flow.vx, flow.vy, flow.vz))
+        store_three(rows, 6, (flow.f, flow.g, flow.df))
+        store_three(rows, 9, (flow.dg, flow.fa, flow.fb))
+        store_three(rows, 12, (flow.fc, flow.ga, flow.gb))
+        store_three(rows, 15, (flow.gc, flow.ea, flow.eb))
+        store_three(rows, 18, (flow.ec, flow.ha, flow.hb))
+        store(rows, 21, flow.hc)
+    move_centre(planets, h)
 
 
 @kernel(inline=True)
-def _write(row, flow):
-    row[0], row[1], row[2], row[3], row[4], row[5] = flow.x, flow.y, flow.z, flow.vx, flow.vy, flow.vz
-    row[6], row[7], row[8], row[9] = flow.f, flow.g, flow.df, flow.dg
-    row[10], row[11], row[12] = flow.fa, flow.fb, flow.fc
-    row[13], row[14], row[15] = flow.ga, flow.gb, flow.gc
-    row[16], row[17], row[18] = flow.ea, flow.eb, flow.ec
-    row[19], row[20], row[21] = flow.ha, flow.hb, flow.hc
-
-
-@kernel(inline=True)
-def _read(row):
+def _flow_at(flows, i):
+    """Return the `Flow` of planet i."""
+    f, k = flows[i // WIDTH], i % WIDTH
     return Flow(
-        row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7], row[8], row[9], row[10],
-        row[11], row[12], row[13], row[14], row[15], row[16], row[17], row[18], row[19], row[20], row[21],
+        f[0, k], f[1, k], f[2, k], f[3, k], f[4, k], f[5, k], f[6, k], f[7, k], f[8, k], f[9, k], f[10, k],
+        f[11, k], f[12, k], f[13, k], f[14, k], f[15, k], f[16, k], f[17, k], f[18, k], f[19, k], f[20, k], f[21, k],
     )  # fmt: skip
 
 
@@ -311,7 +278,7 @@ def move_vectors(flows, count, h, vectors):
         a = 3 * i
         x, y, z = load(q, a), load(q, a + 1), load(q, a + 2)
         vx, vy, vz = load(v, a), load(v, a + 1), load(v, a + 2)
-        dx, dy, dz, dvx, dvy, dvz = flow_change(_read(flows[i]), x, y, z, vx, vy, vz)
+        dx, dy, dz, dvx, dvy, dvz = flow_change(_flow_at(flows, i), x, y, z, vx, vy, vz)
         add_three(q, q_lo, a, dx, dy, dz)
         add_three(v, v_lo, a, dvx, dvy, dvz)
     for k in range(3):

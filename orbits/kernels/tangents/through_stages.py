@@ -14,7 +14,7 @@ Nothing is written that the march reads. For terms that depend on velocities see
 
 Eight tangent vectors are in the lanes of a register: a vector of d coordinates has d rows.
 
-Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1; Cincotta, Giordano & Simó (2003), Physica D 182, 151, for MEGNO.
+Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1.
 """
 
 from __future__ import annotations
@@ -25,8 +25,9 @@ from typing import Any, NamedTuple
 from orbits.kernels.binding import SumType, accelerate, add_hessians, dimension, other_terms, tides
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, select, store
+from orbits.kernels.lanes import any_lane, full, load, maximum, store
 from orbits.kernels.sums.summation import accumulate, add_product
+from orbits.kernels.tangents.growth import add_growth
 
 NODE, WEIGHT, KICK, REST, ETA = 0, 1, 2, 3, 4
 """The columns of a table: c, w, kick and rest of each stage; from `ETA` on eta, then the continuation: the weights of L
@@ -35,18 +36,11 @@ at the stages of one step in the guess for those of the next."""
 ALIKE = 0.1
 """The relative difference of successive steps up to which the continuation is used; other steps start cold."""
 
-LEVER, AREA, LOGARITHM, SQUARE, BEFORE = 0, 1, 2, 3, 4
-"""The rows of the growth of eight vectors: sum of t d(ln |x|), integral of Y dt, ln |x| since the start; |x|^2 and Y at
-the last step."""
-
 FLOOR, STALLED = 2.0**-52, 1e-11
 """The stages have converged when none changes by more than `FLOOR` of the largest, or when changes below `STALLED` of
 it no longer fall by half."""
 
 SWEEPS = 100
-
-LARGE, SMALLER = 2.0**600, 2.0**-300
-"""The |x|^2 above which a vector whose growth is measured is scaled, and the factor."""
 
 
 class Course(NamedTuple):
@@ -62,7 +56,7 @@ class Fan(NamedTuple):
 
     vectors : (groups, 4, d, 8), dq, dv and their low parts, in the order dq, dq_lo, dv, dv_lo
     kicks : (groups, s d, 8), L of the step before, from which the next iteration starts
-    growth : (groups, 5, 8), see `LEVER`; with no groups if growth is not measured
+    growth : (groups, 5, 8), see `orbits.kernels.tangents.growth`; with no groups if growth is not measured
     """
 
     vectors: Any
@@ -313,24 +307,11 @@ def squares(scale, vectors):
 
 @kernel
 def measure(t, h, scale, vectors, kicks, growth):
-    """Add a step of h > 0 from t >= 0 to the growth of eight vectors, and scale them if they are large.
-
-    With Y = (2 / t) sum t' d(ln |x|), t' the middle of each step, and its mean over time, MEGNO.
-    """
-    now = squares(scale, vectors)
-    for j in range(WIDTH):
-        grown = 0.5 * math.log(lane(now, j) / growth[SQUARE, j])
-        growth[LEVER, j] += (t + 0.5 * h) * grown
-        growth[LOGARITHM, j] += grown
-        Y = 2.0 * growth[LEVER, j] / (t + h)
-        growth[AREA, j] += 0.5 * h * (growth[BEFORE, j] + Y)
-        growth[BEFORE, j] = Y
-    if largest(now) > LARGE:
-        factor = select(now > LARGE, full(SMALLER), full(1.0))
+    """Add a step of h > 0 from t >= 0 to the growth of eight vectors, and scale them if they are large."""
+    factor = add_growth(t, h, squares(scale, vectors), growth)
+    if any_lane(factor < 1.0):
         for part in range(4):
             for a in range(vectors.shape[1]):
                 store(vectors[part], a, factor * load(vectors[part], a))
         for a in range(kicks.shape[0]):
             store(kicks, a, factor * load(kicks, a))
-        now = squares(scale, vectors)
-    store(growth, SQUARE, now)

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, fma, full, load, store
-from orbits.kernels.maps.interaction import INNER, MASS, OUTER, ROWS, SHARE
+from orbits.kernels.lanes import fma, full, load, store
+from orbits.kernels.maps.layout import INNER, MASS, OUTER, SHARE, constant
 from orbits.kernels.sums.summation import accumulate
 
 HERE, MOVED, ALONG = 0, 1, 2
 """Rows of `VectorRoom.places`: places and u, six numbers; those of displaced positions; the displacement of both. Of
 `VectorRoom.bends`: there, there, and in the flow of terms."""
-
-
-@kernel(inline=True)
-def constant(scratch, row, i):
-    """Return a constant of planet i from the `room` of planets in Jacobi coordinates."""
-    return scratch[ROWS * (i // WIDTH) + row, i % WIDTH]
 
 
 @kernel(inline=True)

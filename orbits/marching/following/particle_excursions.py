@@ -28,7 +28,8 @@ from orbits.integrators.forms import Array
 from orbits.kernels.clocks import Clock, step_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, lane, load, select, store, unit
-from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER, table_rows
+from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
+from orbits.kernels.maps.jacobi_tables import table_rows
 from orbits.kernels.search.context import watch_at
 from orbits.kernels.search.encounters_of_particles import (
     Rules,

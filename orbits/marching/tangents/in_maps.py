@@ -14,7 +14,7 @@ from orbits.integrators.forms import Array, coefficients_of, padded
 from orbits.integrators.maps.dominant import registers_for
 from orbits.integrators.maps.on_kepler_orbits import OnKeplerOrbits
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.maps.interaction import STATE_ROWS
+from orbits.kernels.maps.layout import STATE_ROWS
 from orbits.kernels.tangents.of_terms import BENDS, PAIR_NUMBERS
 from orbits.kernels.tangents.through_maps import (
     NUMBERS_OF_A_FLOW,
@@ -23,11 +23,11 @@ from orbits.kernels.tangents.through_maps import (
     follow_map,
     leave_with_vectors,
 )
-from orbits.kernels.tangents.through_stages import AREA, LOGARITHM, SQUARE
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import Place
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_for
+from orbits.marching.tangents.in_lanes import InLanes
 from orbits.marching.tangents.of_bodies import momenta_by_velocities, require_hessians
 
 BLOCK = 4096
@@ -73,7 +73,7 @@ def marched_in_blocks(
         yield done
 
 
-class MapTangents:
+class MapTangents(InLanes):
     """Tangent vectors of massive bodies in a Wisdom–Holman map, which is marched again with them, to the same bits.
 
     lagrangian, parameters : of the bodies, with the vectors of its kernels
@@ -112,7 +112,7 @@ class MapTangents:
         self._state = dict(
             zip(
                 ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages"),
-                aligned(*[(width,)] * 4, (form.carry_rows(3 * n), WIDTH), form.scratch_shape(3 * n), (1, 1, width)),
+                aligned(*[(width,)] * 4, (form.carry_rows(3 * n), WIDTH), form.scratch_shape(3 * n), (1, width)),
                 strict=True,
             )
         )
@@ -122,45 +122,39 @@ class MapTangents:
         )
         wide = (rows, WIDTH)
         carry = self._state["carry"].shape
-        of_planets = (n - 1,), (n - 1,), (n - 1, NUMBERS_OF_A_FLOW), (3, n - 1, 6), (3, n - 1, BENDS)
+        registers = registers_for(3 * n)
+        flows = registers, NUMBERS_OF_A_FLOW, WIDTH
+        of_planets = (registers, WIDTH), (n - 1,), flows, (3, n - 1, 6), (3, n - 1, BENDS)
         of_vectors = (PAIR_NUMBERS,), (groups, *wide), wide, wide, wide, wide, (2 * rows, WIDTH)
         self._room = VectorRoom._make(
             [*aligned(carry, form.room_shape(3 * n), *of_planets), _pair_of(strength, own), *aligned(*of_vectors)]
         )
-        given = np.zeros((groups * WIDTH, 2, n, 3))
-        given[: self._count, :, self._bodies] = vectors
-        given[self._count :] = given[:1]  # lanes that are not used move like the first one
-        self._vectors[:, [0, 2]] = given.reshape(groups, WIDTH, 2, 3 * n).transpose(0, 2, 3, 1)
-        self._scale, self._start = 1.0 if scale is None else float(scale), self._vectors.copy()
+        given = np.zeros((self._count, 2, n, 3))
+        given[:, :, self._bodies] = vectors
+        self._write(given.reshape(self._count, 2, 3 * n))
+        self._start = self._vectors.copy()
         self._change(enter_with_vectors, h)
-        if scale is not None:
-            parts = self._vectors[:, [0, 2]] * np.array([1.0, self._scale])[:, None, None]
-            self._growth[:, SQUARE] = np.sum(parts**2, axis=(1, 2))
+        self._scale = self._begin_growth(scale)
 
     def advance(self, place: Place) -> None:
         """Follow the map up to the last whole step before a place.
 
         Raises SingularityError if bodies meet, InputError if the vectors become too large.
         """
-        _, program = self._form.stages_of(self._h)
         carry, planets = self._state["carry"], STATE_ROWS * registers_for(3 * len(self._gm))
 
         def march(count: int) -> bool:
             state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages")]
             follow_map(
                 self._form.tag, coefficients_of(self._form, self._h), self._lagrangian.tag, self._parameters,
-                self._h * self._steps, self._h, *state, count, program, self._h**2 / 12.0, self._scale,
-                self._vectors, self._growth, self._room,
+                self._h * self._steps, self._h, *state, count, self._scale, self._vectors,
+                self._growth, self._room,
             )  # fmt: skip
             self._steps += count
             return bool(np.isfinite(carry[:planets]).all())
 
         for _ in marched_in_blocks(self._integrator.label, self._h, self._steps, place.steps, BLOCK, march):
-            if not np.isfinite(self._vectors).all():
-                raise InputError(
-                    f"tangent vectors exceed 1e308, the range of numbers, by t = {self.time:.10g}; expected a shorter "
-                    "duration, or orbits.megno, which scales them on the way."
-                )
+            self._require_finite(self.time)
 
     @property
     def time(self) -> float:
@@ -195,11 +189,10 @@ class MapTangents:
 
     def _change(self, kernel: Any, h: float) -> None:
         """Change the variables of state and vectors, by `enter_with_vectors` or its inverse for steps of h."""
-        entry, _ = self._form.stages_of(h)
-        state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages")]
+        state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry")]
         kernel(
-            self._form.tag, coefficients_of(self._form, h), self._lagrangian.tag, self._parameters, h, *state, entry,
-            h * h / 12.0, self._vectors, self._room,
+            self._form.tag, coefficients_of(self._form, h), self._lagrangian.tag, self._parameters, *state,
+            self._vectors, self._room,
         )  # fmt: skip
 
     def state(self) -> tuple[Array, Array]:
@@ -209,20 +202,11 @@ class MapTangents:
 
     def marched(self) -> Array:
         """Return the vectors as they are marched, (count, 2, n, 3): of the planets outwards, then of the centre."""
-        groups, _, rows, _ = self._vectors.shape
-        lanes = self._vectors[:, [0, 2]].transpose(0, 3, 1, 2)
-        return np.ascontiguousarray(lanes.reshape(groups * WIDTH, 2, rows // 3, 3)[: self._count])
+        return np.ascontiguousarray(self._read().reshape(self._count, 2, -1, 3))
 
     def vectors(self) -> Array:
         """Return the vectors of what `seen` returned, (count, 2, bodies, 3), rounded to float64."""
         return np.ascontiguousarray(self.marched()[:, :, self._bodies])
-
-    def growth(self, time: float) -> tuple[Array, Array]:
-        """Return MEGNO, the mean of Y over the time |time| > 0 of the march, and ln(|x| / |x0|), of each vector,
-        (count,) each.
-        """
-        mean, log = self._growth[:, AREA].ravel() / abs(time), self._growth[:, LOGARITHM].ravel()
-        return mean[: self._count], log[: self._count].copy()
 
     def to_momenta(self) -> Array:
         """Return the derivative of (q, p) by (q, v) of what `seen` returned, or at the start, (2 d, 2 d): x, y, z of

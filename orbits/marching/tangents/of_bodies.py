@@ -15,18 +15,16 @@ from orbits.integrators.forms import Array, padded
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import Model
 from orbits.kernels.tangents.through_momenta import MomentaRoom, follow_momenta
-from orbits.kernels.tangents.through_stages import AREA, ETA, LOGARITHM, SQUARE, Course, Fan, Room, follow
+from orbits.kernels.tangents.through_stages import ETA, Course, Fan, Room, follow
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Lagrangian
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.motion import Motion
+from orbits.marching.tangents.in_lanes import InLanes
 from orbits.tableaux import PartitionedTableau, SymplecticTableau
 from orbits.tableaux.partitioned import DIGITS
 
-DQ, DV = 0, 2
-"""The parts of a tangent vector: dq and dv; the low part of each follows it."""
 
-
-class Tangents:
+class Tangents(InLanes):
     """Tangent vectors of massive bodies, and their growth if it is measured.
 
     lagrangian, parameters : of the bodies that march, with the vectors of their kernels
@@ -73,15 +71,8 @@ class Tangents:
         self._before = 0.0
         self._now = 0.0, np.array(q, dtype=np.float64).ravel(), np.array(v, dtype=np.float64).ravel()
         given = self._by_momenta(np.array(vectors, dtype=np.float64))
-        lanes = np.moveaxis(given, 3, 2).reshape(self._count, 2, d)
-        filled = np.empty((groups * WIDTH, 2, d))
-        filled[: self._count] = lanes
-        filled[self._count :] = lanes[:1]  # lanes that are not used move like the first one
-        self._vectors[:, [DQ, DV]] = filled.reshape(groups, WIDTH, 2, d).transpose(0, 2, 3, 1)
-        self._scale = 1.0 if scale is None else float(scale)
-        if scale is not None:
-            parts = self._vectors[:, [DQ, DV]] * np.array([1.0, self._scale])[:, None, None]
-            self._growth[:, SQUARE] = np.sum(parts**2, axis=(1, 2))
+        self._write(np.moveaxis(given, 3, 2).reshape(self._count, 2, d))
+        self._scale = self._begin_growth(scale)
 
     def follow(self, motion: Motion) -> None:
         """Follow the steps of a stretch of the march, which begins where the last one ended.
@@ -99,11 +90,7 @@ class Tangents:
         size = 3 * len(self._inertia)
         q, v = (x[:size].reshape(3, -1).T.ravel() for x in course.path[-1])
         self._now = float(course.times[-1]), q, v
-        if not np.isfinite(self._vectors).all():
-            raise InputError(
-                f"tangent vectors exceed 1e308, the range of numbers, by t = {course.times[-1]:.10g}; expected a "
-                "shorter duration, or orbits.megno, which scales them on the way."
-            )
+        self._require_finite(float(course.times[-1]))
         if done < len(course.lengths):
             t, h = float(course.times[done]), float(course.lengths[done])
             raise ConvergenceError(
@@ -123,16 +110,8 @@ class Tangents:
 
     def vectors(self) -> Array:
         """Return the vectors, (count, 2, bodies, 3), rounded to float64."""
-        groups, _, d, _ = self._vectors.shape
-        lanes = self._vectors[:, [DQ, DV]].transpose(0, 3, 1, 2).reshape(groups * WIDTH, 2, 3, d // 3)
-        return self._by_velocities(np.ascontiguousarray(np.moveaxis(lanes[: self._count], 2, 3)))
-
-    def growth(self, time: float) -> tuple[Array, Array]:
-        """Return MEGNO, the mean of Y over the time |time| > 0 of the march, and ln(|x| / |x0|), of each vector,
-        (count,) each.
-        """
-        mean, log = self._growth[:, AREA].ravel() / abs(time), self._growth[:, LOGARITHM].ravel()
-        return mean[: self._count], log[: self._count].copy()
+        lanes = self._read().reshape(self._count, 2, 3, -1)
+        return self._by_velocities(np.ascontiguousarray(np.moveaxis(lanes, 2, 3)))
 
     def to_momenta(self) -> Array:
         """Return the derivative of (q, p) by (q, v) here and now, (2 d, 2 d): x, y, z of each varied body in turn, p

@@ -17,8 +17,8 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.jacobi_form import KeplerSplitting, outwards
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
 from orbits.kernels.tangents.of_particles_in_maps import NEAR, SHARP, WHICH, Judged, follow_particles
-from orbits.kernels.tangents.through_stages import AREA, LOGARITHM, SQUARE
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import ConstantSteps, Place
 from orbits.marching.stepping.bound_loops import BoundLoops, numbers_of
@@ -79,7 +79,7 @@ class ParticleTangents(BoundLoops):
         self.begin(np.concatenate([q, x]), np.concatenate([v, w]), np.arange(n), np.arange(n, n + m))
         self.enter(self.state, self._steps)
         self._strength, self._label, self._done = np.ascontiguousarray(parameters), integrator.label, 0
-        self._kick, self._scale, self._h = int(form.stages_of(h)[1][0, 0]), float(scale), h
+        self._scale, self._h = float(scale), h
         groups, count = (m + WIDTH - 1) // WIDTH, len(vectors)
         self._fans, self._growth = np.empty((groups, count, 6, WIDTH)), np.zeros((groups, count, 5, WIDTH))
         self._fans[...] = vectors.reshape(1, count, 6, 1)
@@ -123,7 +123,7 @@ class ParticleTangents(BoundLoops):
             start, stop = self.tasks[task]
             follow_particles(
                 self._tag, self._usual, self._strength, self.time, self._h, self.state["particle_memory"], self._stages,
-                self._gone, self._task_scratch[task], self._done, count, start, stop, self._kick, self._scale,
+                self._gone, self._task_scratch[task], self._done, count, start, stop, self._scale,
                 self._fans, self._growth, judged,
             )  # fmt: skip
             return 0
