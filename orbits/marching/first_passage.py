@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.marching.roots import root
+from orbits.marching.roots import newton, root
 
 Array = NDArray[np.float64]
 
@@ -29,10 +29,9 @@ STRAIGHT = 0.5
 SHORTEST = 2.0**-50
 """The shortest part of a step that is halved, as a fraction of the step."""
 
-ROUNDS, SETTLED = 100, 1e-9
-"""The most rounds of Newton's method, and the change, as a fraction of a part in which a pair moves by at most half
-its distance, after which none is needed. What is left is the square of it: below round-off, also where a pair only just
-passes its bound.
+SETTLED = 1e-9
+"""The step of Newton's method, as a fraction of a part in which a pair moves by at most half its distance, after which
+none is needed. What is left is the square of it: below round-off, also where a pair only just passes its bound.
 """
 
 
@@ -100,15 +99,15 @@ def first_passage(
 def _passage(of: Callable[[float], tuple[float, float, float]], bound: float, low: float, high: float) -> float:
     """Return where a distance is a bound, between two places on both sides of it, by Newton's method within these."""
     (d, _, _), (d_end, _, _) = of(low), of(high)
-    beyond, s, settled = d > bound, low + (high - low) * (d - bound) / (d - d_end), SETTLED * (high - low)
-    for _ in range(ROUNDS):
-        d, rate, _ = of(s)
-        low, high = (s, high) if (d > bound) == beyond else (low, s)
-        following = s - (d * d - bound * bound) / (2.0 * rate) if rate else math.nan
-        if abs(following - s) <= settled:
-            return min(max(following, low), high)
-        s = following if low <= following <= high else 0.5 * (low + high)
-    return s
+    rises = -1.0 if d > bound else 1.0
+
+    def beyond(s: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
+        d, rate, _speed = of(float(s[0]))
+        return np.array([rises * (d * d - bound * bound)]), np.array([rises * 2.0 * rate])
+
+    start = low + (high - low) * (d - bound) / (d - d_end)
+    ends = np.array([low]), np.array([high]), np.array([start])
+    return float(newton(beyond, *ends, SETTLED * (high - low))[1][0])
 
 
 def _zero(function: Callable[[float], float], low: float, high: float) -> float:

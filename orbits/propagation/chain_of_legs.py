@@ -28,9 +28,10 @@ from orbits.propagation.collisions.impact import Impact
 from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import Collisions, rows_of_change
 from orbits.propagation.collisions.steps_ahead import Ahead, StepsAhead
+from orbits.propagation.events.base import Found
 from orbits.propagation.events.left import Left
 from orbits.propagation.events.particles import stretches
-from orbits.propagation.events.seeking import Found, Seeking
+from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import WORK
 from orbits.system import System
 from orbits.trajectory import changes

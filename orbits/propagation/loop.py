@@ -38,10 +38,10 @@ from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver, asks_to_stop
 from orbits.propagation.control.wall_clock import Deadline
-from orbits.propagation.events.base import Happening, Sample, Sought
+from orbits.propagation.events.base import Found, Happening, Sample, Sought
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.particles import ParticleSearches
-from orbits.propagation.events.seeking import Found, Seeking
+from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.results.recording import observed_until
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore

@@ -73,16 +73,44 @@ class Seen:
         self.errors: dict[int, float | None] = {}
         self.reach = np.zeros(len(system))
         self.reach[massive] = record.reaches
+        self.looked = record.closest is not None
+        self._system, self._record = system, record
+
+    @property
+    def passages(self) -> list[Passage]:
+        """All passages, by their numbers."""
+        return self._numbered[0]
+
+    @property
+    def closest(self) -> NDArray[np.intp]:
+        """The numbers of the closest approaches, (bodies, 2)."""
+        return self._numbered[1]
+
+    @cached_property
+    def _numbered(self) -> tuple[list[Passage], NDArray[np.intp]]:
+        """The passages, and the numbers of the closest approaches: most runs end without a question about them."""
+        system, record = self._system, self._record
         # Of two bodies that are read from an ephemeris, only the states at the ends of steps are known.
         given = np.isin(system.names, given_bodies(system))
         listed = [self._listed(row) for row in record.listed]
-        self.passages = [one for one in listed if not (given[one.body] and given[one.other])]
-        self.closest, self.looked = np.full((len(system), 2), -1), record.closest is not None
+        passages = [one for one in listed if not (given[one.body] and given[one.other])]
+        numbers: dict[tuple[int, int], list[int]] = {}
+        for k, passage in enumerate(passages):
+            numbers.setdefault(_key(passage.body, passage.other), []).append(k)
+        closest = np.full((len(system), 2), -1)
         entries = np.zeros((4, 2, 0)) if record.closest is None else record.closest[..., : len(system)]
         for row, column in np.argwhere(np.isfinite(entries[DISTANCE2].T)).tolist():
-            body = int(self._order[row])
-            if not given[body]:
-                self.closest[body, column] = self._number_of(entries[:, column, row], body)
+            body, entry = int(self._order[row]), entries[:, column, row]
+            if given[body]:
+                continue
+            of_pair = numbers.setdefault(_key(body, int(self._order[int(entry[PARTNER])])), [])
+            known = next((k for k in of_pair if self._is_same(passages[k], float(entry[TIME]))), None)
+            if known is None:
+                known = len(passages)
+                passages.append(self._of_entry(entry, body))
+                of_pair.append(known)
+            closest[body, column] = known
+        return passages, closest
 
     @cached_property
     def flybys(self) -> list[int]:
@@ -109,31 +137,24 @@ class Seen:
             about=row[end:],
         )
 
-    def _number_of(self, entry: Array, body: int) -> int:
-        """Return the number of a closest approach, which is added to the list if needed."""
+    def _is_same(self, passage: Passage, steps: float) -> bool:
+        """Return whether a passage of a pair is the one at a reading of the clock."""
+        return passage.steps == steps or abs(passage.steps - steps) < (0.0 if self._clock.changes else SAME)
+
+    def _of_entry(self, entry: Array, body: int) -> Passage:
+        """Return the closest approach of a body."""
         other, steps = int(self._order[int(entry[PARTNER])]), float(entry[TIME])
-        key = (min(body, other), max(body, other))
-        same = 0.0 if self._clock.changes else SAME
-        for k in self._numbers.get(key, ()):
-            if self.passages[k].steps == steps or abs(self.passages[k].steps - steps) < same:
-                return k
         distance, speed = math.sqrt(entry[DISTANCE2]), math.sqrt(entry[SPEED2])
         begin: float = math.floor(steps)
         if self._clock.changes:  # the step there is unknown: half the duration of the passage
             way = 0.5 * distance / speed if speed > 0.0 else 0.0
             begin = steps - self._clock.direction * min(way, abs(steps))
-        self.passages.append(Passage(body, other, begin, steps, distance, speed))
-        self._numbers.setdefault(key, []).append(len(self.passages) - 1)
-        return len(self.passages) - 1
-
-    @cached_property
-    def _numbers(self) -> dict[tuple[int, int], list[int]]:
-        numbers: dict[tuple[int, int], list[int]] = {}
-        for k, passage in enumerate(self.passages):
-            key = (min(passage.body, passage.other), max(passage.body, passage.other))
-            numbers.setdefault(key, []).append(k)
-        return numbers
+        return Passage(body, other, begin, steps, distance, speed)
 
     def gm(self, passage: Passage) -> float:
         """Return the total GM of the two bodies of a passage."""
         return float(self._gm[passage.body] + self._gm[passage.other])
+
+
+def _key(one: int, other: int) -> tuple[int, int]:
+    return min(one, other), max(one, other)

@@ -18,7 +18,7 @@ from orbits.kernels.search.apsides import apsides
 from orbits.kernels.search.context import flat, no_particles, watch_at
 from orbits.kernels.search.cubics import distance2_at
 from orbits.kernels.search.observers import call_enter, call_observer, call_search
-from orbits.kernels.search.paths import steps_between
+from orbits.kernels.search.paths import steps_between, steps_within
 from orbits.kernels.search.record import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
 
 FRACTION = 0.8
@@ -91,14 +91,7 @@ def _steps_until(watch, valid, reach, place, velocity, change, h, k, steps):
     fall = sqrt(r2 * (du * du + dv * dv + dw * dw)) / abs(h)
     way = maximum(sqrt(r2) - reach, full(0.0))
     time2 = -largest(select(valid > 0.0, -(way * way) / (maximum(speed2, fall) + 1e-300 * r2), full(-MANY)))
-    count = FRACTION * math.sqrt(time2) / abs(h)
-    if watch.times.shape[0] == 0:
-        count = min(count, 1.0 * (steps - k))
-        return int(count) if count >= 1.0 else 1
-    ahead = 1
-    while ahead < steps - k and steps_between(watch, h, k, k + ahead + 1) <= count:
-        ahead += 1
-    return ahead
+    return steps_within(watch, h, k, steps, FRACTION * math.sqrt(time2) / abs(h))
 
 
 @kernel

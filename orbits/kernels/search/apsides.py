@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import fma, maximum, minimum, select, sqrt
@@ -45,10 +45,11 @@ def apsides(mu, x, y, z, u, v, w):
 
 
 @kernel
-def _write_apsides(mu, state, out):
-    """Write the `Apsides` of pairs into the rows of `out`, (5, n); mu : (n,); state : (6, n)."""
-    for k in range(mu.shape[0]):
-        found = apsides(mu[k], state[0, k], state[1, k], state[2, k], state[3, k], state[4, k], state[5, k])
+def _write_apsides(mu, q, v, out):
+    """Write the `Apsides` of pairs into the rows of `out`, (5, n); mu : (n,) or (1,); q, v : (n, 3)."""
+    every = 1 if mu.shape[0] > 1 else 0
+    for k in range(q.shape[0]):
+        found = apsides(mu[every * k], q[k, 0], q[k, 1], q[k, 2], v[k, 0], v[k, 1], v[k, 2])
         out[0, k], out[1, k], out[2, k], out[3, k], out[4, k] = found
 
 
@@ -57,8 +58,10 @@ def apsides_of(q: ArrayLike, v: ArrayLike, mu: ArrayLike) -> Apsides:
 
     What is beyond the range of floats is not finite, also for a distance of 0; nothing is raised.
     """
-    state = np.concatenate([np.moveaxis(np.asarray(x, dtype=np.float64), -1, 0) for x in (q, v)])
-    each: NDArray[np.float64] = np.array(np.broadcast_to(mu, state.shape[1:]), dtype=np.float64, order="C")
-    out = np.empty((len(Apsides._fields), each.size))
-    _write_apsides(each.ravel(), np.ascontiguousarray(state.reshape(6, -1)), out)
-    return Apsides(*out.reshape(-1, *each.shape))
+    place, velocity = (np.ascontiguousarray(x, dtype=np.float64) for x in (q, v))
+    shape, each = place.shape[:-1], np.ascontiguousarray(mu, dtype=np.float64)
+    if each.size > 1 and each.shape != shape:
+        each = np.ascontiguousarray(np.broadcast_to(each, shape))
+    out = np.empty((len(Apsides._fields), *shape))
+    _write_apsides(each.reshape(-1), place.reshape(-1, 3), velocity.reshape(-1, 3), out.reshape(len(out), -1))
+    return Apsides(*out)

@@ -15,7 +15,8 @@ annuli : (n, 3), see `record.py`
 reaches : (n + padding,), the distance from each body within which flybys are listed; 0 if no body dominates
 record : (4, 2, rows + 8) squared distance, reading of the clock, squared speed and partner of the closest
     approaches
-stops : (conditions, 4), see `stopping.py`; if there are any
+stops : (conditions, 4), see `stopping.py`; these, and `speeds`, if there are any
+speeds : (n + padding,), room for the largest speeds of the bodies in a block
 hits : (groups + 1,) int64; for each group of eight particles, and last for the bodies: the number of steps in the last
     of which a pair may first come to its bound
 every : whether massive bodies are looked at in every step: their orbits may change between two samples
@@ -77,6 +78,7 @@ _KINDS: dict[str, Any] = {
     "reaches": _array(1),
     "record": _array(3),
     "stops": _array(2),
+    "speeds": _array(1),
     "hits": _array(1, types.int64),
     "every": types.int64,
     "radii": _array(1),

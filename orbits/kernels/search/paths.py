@@ -22,6 +22,19 @@ def steps_between(watch, h, begin, end):
 
 
 @kernel(inline=True)
+def steps_within(watch, h, begin, last, span):
+    """Return the number of steps that end within a time `span`, in units of h, after the beginning of one, up to the
+    beginning of another: at least one.
+    """
+    if watch.times.shape[0] == 0:
+        return int(min(max(span, 1.0), 1.0 * (last - begin)))
+    count = 1
+    while count < last - begin and steps_between(watch, h, begin, begin + count + 1) <= span:
+        count += 1
+    return count
+
+
+@kernel(inline=True)
 def reading(watch, step, s):
     """Return the reading of the clock at the fraction s of a step: a number of steps, or the time."""
     if watch.times.shape[0] == 0:

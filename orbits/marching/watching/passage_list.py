@@ -96,8 +96,10 @@ class PassageList:
         missed = sum(int(listed[1] - listed[0]) for _, listed in blocks)
         for _, listed in blocks:
             listed[:] = 0
-        central = (new[:, ROW] == self._dominant) | (new[:, MATE] == self._dominant)  # already selected by the kernel
-        new = new[central | ~self._is_revolution(new) | self._is_fast(new)]
+        # The kernel has already chosen among those by the dominant body.
+        slow = np.flatnonzero(~(self._is_central(new) | self._is_fast(new)))
+        if len(slow):
+            new = np.delete(new, slow[self._is_revolution(new[slow])], axis=0)
         passages, left_out, pending = self._known
         self._known = Kept(passages, _more(left_out, missed), (*pending, new) if len(new) else pending)
         waiting = self._known.pending
@@ -109,9 +111,10 @@ class PassageList:
         passages, left_out, pending = self._known
         if not pending:
             return
-        known = np.concatenate([passages, *pending])
-        revolution = self._is_revolution(known)
-        kept = np.concatenate([self._worst(known[kind]) for kind in (revolution, ~revolution)])
+        known = kept = np.concatenate([passages, *pending])
+        if len(known) > self._room:
+            revolution = self._is_revolution(known)
+            kept = np.concatenate([self._worst(known[kind]) for kind in (revolution, ~revolution)])
         in_order = kept[np.lexsort((kept[:, MATE], kept[:, ROW], np.abs(kept[:, WHEN])))]
         self._known = Kept(in_order, _more(left_out, len(known) - len(kept)), ())
 
@@ -152,7 +155,7 @@ class PassageList:
         """Return which passages are of two bound bodies: about the dominant body, or on an ellipse within its Hill
         sphere.
         """
-        row, mate = passages[:, ROW].astype(int), passages[:, MATE].astype(int)
+        row, mate = passages[:, ROW].astype(np.intp), passages[:, MATE].astype(np.intp)
         state, about = passages[:, STATE : STATE + 6], passages[:, ABOUT : ABOUT + 6]
         orbit = apsides_of(state[:, :3], state[:, 3:], self._gm[row] + self._gm[mate])
         bound = orbit.inverse_a > 0.0
@@ -163,7 +166,10 @@ class PassageList:
             heavier = np.where(lighter[:, None], about - state, about)[:, :3]
             share = np.maximum(self._gm[row], self._gm[mate]) / (3.0 * self._gm[self._dominant])
             stays = bound & (orbit.largest < np.linalg.norm(heavier, axis=1) * np.cbrt(share))
-        return np.asarray(stays | (row == self._dominant) | (mate == self._dominant))
+        return np.asarray(stays | self._is_central(passages))
+
+    def _is_central(self, passages: Array) -> NDArray[np.bool_]:
+        return np.asarray((passages[:, ROW] == self._dominant) | (passages[:, MATE] == self._dominant))
 
     def _is_fast(self, passages: Array) -> NDArray[np.bool_]:
         return np.asarray(passages[:, FASTEST2] > self._rate2 * passages[:, LEAST2])

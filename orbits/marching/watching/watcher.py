@@ -169,6 +169,7 @@ class Watcher:
         self.contexts.enter_each("listed", [listed for _, listed in self.lists])
         if len(self._stops):
             self.contexts.enter(stops=self._stops)
+            self.contexts.enter_each("speeds", [np.zeros(padded(len(massive))) for _ in range(1 + tasks)])
         if radii is not None:
             within = np.full(padded(len(self._rows)), -np.inf)
             within[: len(self._rows)] = radii[self._rows]

@@ -80,8 +80,7 @@ class Pulse:
     """
 
     def __init__(self, heartbeat: Heartbeat | None, unit: Any, end: float, begun: float = 0.0, steps: int = 0) -> None:
-        self._heartbeat, self._end = heartbeat, end
-        self._factor, self._unit = fitting_time(end, unit)
+        self._heartbeat, self._end, self._unit = heartbeat, end, unit
         self._begun = self._last = time.perf_counter(), begun, steps
         self._pause = math.inf if heartbeat is None else heartbeat.patience
 
@@ -113,7 +112,8 @@ class Pulse:
         self._heartbeat.say(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {', '.join(filter(None, parts))}")
 
     def _times(self, reached: float) -> str:
-        return with_unit(f"{self._factor * reached:,.6g} of {self._factor * self._end:,.6g}", self._unit)
+        factor, unit = fitting_time(self._end, self._unit)
+        return with_unit(f"{factor * reached:,.6g} of {factor * self._end:,.6g}", unit)
 
     def _left(self, reached: float, now: float) -> str:
         """Return how long the rest takes, if it is as fast as what was marched here so far."""

@@ -195,6 +195,16 @@ class Sample(NamedTuple):
     v: Array
 
 
+class Found(NamedTuple):
+    """An event that interrupts a run: the number of its function, its column, and where it happened."""
+
+    number: int
+    column: int
+    rising: bool
+    steps: int
+    time: float
+
+
 class Touching(Bound):
     """Two bodies touch: what that is called, the numbers of both, None for any, and what happens then."""
 

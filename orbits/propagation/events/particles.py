@@ -20,8 +20,9 @@ from orbits.marching.clocks.constant import Clock, Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
-from orbits.propagation.events.base import Sample
-from orbits.propagation.events.seeking import Found, Seeking
+from orbits.propagation.events.along_motion import MotionSearch
+from orbits.propagation.events.base import Found, Sample
+from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import bound
 from orbits.system import System
 from orbits.time_grid import dynamical_time
@@ -60,7 +61,7 @@ class ParticleSearches:
         """The sample from which they are followed."""
         return self._last
 
-    def seek(self, time: float, lost: dict[int, float], end: Sample | None = None) -> tuple[Seeking, Found] | None:
+    def seek(self, time: float, lost: dict[int, float], end: Sample | None = None) -> tuple[MotionSearch, Found] | None:
         """Seek events from the last sample up to a time; return the first one that ends the run, if any, with its
         search: those after it are not listed.
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.marching.roots import root
+from orbits.marching.roots import newton, root
 from orbits.propagation.events.base import Array, Bound, Whole
 from orbits.propagation.events.brackets import APART, Brackets, NotFiniteError, Stretch, brackets_of, check_finite
 
@@ -23,9 +23,6 @@ CLOSE = 1e-15
 NEAR_ZERO = 0.5
 """An extremum of the rough motion below this share of the function at the checks around it is sought again in the exact
 one, which may come to zero where the rough one does not."""
-
-ROUGH_ROUNDS = 10
-"""The steps to the zero of a cubic, from which the search begins."""
 
 REFINEMENTS, MISSED = 24, 1e-6
 """The most secants from the rough motion to the exact one, and the step of the last one, as a fraction of a step of the
@@ -140,25 +137,22 @@ def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:
 
 
 def _zeros_of_cubics(some: Brackets) -> tuple[Array, Array]:
-    """Return the zeros of cubics through the functions and their slopes at both ends of brackets, and the slopes there.
-
-    By bisection, each step of which is replaced by one of Newton's method if that stays in the bracket.
-    """
+    """Return the zeros of cubics through functions and their slopes at both ends of brackets, and the slopes there."""
     width = some.high - some.low
     a, b = some.slope_low * (width / APART), some.slope_high * (width / APART)
     rise = some.g_high - some.g_low
     bend, twist = 3.0 * rise - 2.0 * a - b, a + b - 2.0 * rise
-    x, below, above = np.full(len(width), 0.5), np.zeros(len(width)), np.ones(len(width))
-    slope = rise
-    with np.errstate(all="ignore"):
-        for _ in range(ROUGH_ROUNDS):
-            g = some.g_low + x * (a + x * (bend + x * twist))
-            same = (g >= 0.0) == (some.g_low >= 0.0)
-            below, above = np.where(same, x, below), np.where(same, above, x)
-            slope = a + x * (2.0 * bend + 3.0 * x * twist)
-            following = x - g / slope
-            x = np.where((following >= below) & (following <= above), following, 0.5 * (below + above))
-    return some.low + x * width, slope / width
+    rises = np.where(some.g_low >= 0.0, -1.0, 1.0)
+
+    def slopes(x: Array, i: Whole) -> Array:
+        return np.asarray(a[i] + x * (2.0 * bend[i] + 3.0 * x * twist[i]))
+
+    def cubics(x: Array, i: Whole) -> tuple[Array, Array]:
+        g = some.g_low[i] + x * (a[i] + x * (bend[i] + x * twist[i]))
+        return rises[i] * g, rises[i] * slopes(x, i)
+
+    _, x = newton(cubics, np.zeros(len(width)), np.ones(len(width)), np.full(len(width), 0.5))
+    return some.low + x * width, slopes(x, np.arange(len(x))) / width
 
 
 def _refined(rough: Along, exact: Along, some: Brackets) -> tuple[Array, NDArray[np.bool_]]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
+from orbits.marching.roots import newton
 from orbits.propagation.results.passage_walks import Pairs, PairsTogether, Walk, massless_of, role_of
 from orbits.propagation.results.recording import observed_until
 from orbits.results.approaches import AT_ONCE
@@ -27,14 +28,6 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-PRECISION = 1e-13
-"""The time of a pericentre has converged when it changes by less than this, in steps."""
-
-ROUNDED = 1e-11
-"""Changes below this that do not become smaller from round to round are round-off: the time is as good as it can be."""
-
-ROUNDS = 60
 
 WIDER = 2.0
 """The factor by which the search interval is wider than the estimated error of a passage's time, if steps differ."""
@@ -210,24 +203,15 @@ def _least(pairs: Pairs, rows: NDArray[np.intp], mu: Array, h: Array, part: Arra
     part : of the step at which to begin
     end : the part of the step that belongs to the run; the minimum is there if the two still approach each other
     """
-    low, high, part = np.zeros(len(rows)), end.copy(), part.copy()
-    state, left, change = np.zeros((len(rows), 6)), np.arange(len(rows)), np.full(len(rows), np.inf)
-    for _ in range(ROUNDS):
-        state[left] = pairs.apart(rows[left], part[left] * h[left])
-        x, w, now = state[left, :3], state[left, 3:], part[left]
-        r2, fall = (x * x).sum(axis=1), (x * w).sum(axis=1) * h[left]
-        low[left], high[left] = np.where(fall < 0.0, now, low[left]), np.where(fall < 0.0, high[left], now)
-        middle = 0.5 * (low[left] + high[left])
+    state = np.zeros((len(rows), 6))
+
+    def falls(part: Array, which: NDArray[np.intp]) -> tuple[Array, Array]:
+        state[which] = found = pairs.apart(rows[which], part * h[which])
+        x, w = found[:, :3], found[:, 3:]
+        r2, fall = (x * x).sum(axis=1), (x * w).sum(axis=1) * h[which]
         with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(r2 > 0.0, (w * w).sum(axis=1) - mu[left] / np.sqrt(r2), 0.0) * h[left] ** 2
-            after = np.where(slope > 0.0, now - fall / slope, middle)
-        before, change[left] = change[left], np.abs(after - now)
-        stalls = (change[left] >= before) & (change[left] < ROUNDED)
-        done = (change[left] <= PRECISION) | stalls | (r2 == 0.0)
-        after = np.where((low[left] < after) & (after < high[left]), after, middle)
-        on = ~done & ~(high[left] - low[left] <= PRECISION)
-        left = left[on]
-        if not len(left):
-            break
-        part[left] = after[on]
+            slope = np.where(r2 > 0.0, (w * w).sum(axis=1) - mu[which] / np.sqrt(r2), 0.0) * h[which] ** 2
+        return fall, slope
+
+    part, _ = newton(falls, np.zeros(len(rows)), end, part)
     return _Least(part, *(np.linalg.norm(state[:, k : k + 3], axis=1) for k in (0, 3)))

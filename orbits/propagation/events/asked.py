@@ -1,0 +1,113 @@
+"""The events asked for in a run, as functions of time and states whose zeros are sought."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from astropy import units as u
+
+from orbits.errors import InputError, shown, with_unit
+from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Happening, Sought, Touching
+from orbits.propagation.events.left import Left, bounds_left
+from orbits.propagation.events.stops import stops_of
+from orbits.propagation.events.subjects import by_particles
+from orbits.propagation.events.to_archive import description_of
+from orbits.trajectory.retired import absent, moved
+
+if TYPE_CHECKING:
+    from orbits.system import System
+
+
+class Asked:
+    """The events of a run and their functions, which all searches for them share.
+
+    system : the bodies; events : as they were given; direction : of the run in time, 1 or -1
+
+    of, bounds : of each function, by its number, the event that it belongs to, and what it is among these bodies
+    touching : the functions that the march itself seeks, as collisions; act : whether any event acts on the bodies
+    stops : the distances that end the run, which it seeks as well; None without any
+
+    Raises InputError for events that cannot be sought among these bodies.
+    """
+
+    def __init__(self, system: System, events: Sought | Sequence[Sought], direction: float) -> None:
+        given = [events] if isinstance(events, Sought) else events
+        if not isinstance(given, list | tuple) or not all(isinstance(event, Sought) for event in given):
+            names = [type(event).__name__ for event in (given if isinstance(given, list | tuple) else [given])]
+            ends = next((name for name in names if name in ("EnergyErrorAbove", "WallTimeOver")), "")
+            raise InputError(
+                f"events = {shown(events)}; expected events such as orbits.CloseApproach('Apophis', 'Earth') or "
+                "orbits.Pericentre('Halley'), one or a list of them."
+                + (f" {ends} ends a run after a whole step: give it as stop=..." if ends else "")
+            )
+        self.system, self.direction, self.events = system, direction, tuple[Sought, ...](given)
+        self.of: list[Sought] = []
+        self.bounds: list[Bound] = []
+        for event in self.events:
+            if not isinstance(event.then, str):
+                event.then.check(event, system)
+            bounds = event.bound(system)
+            self.bounds += bounds
+            self.of += [event] * len(bounds)
+        self.touching = {k: bound for k, bound in enumerate(self.bounds) if isinstance(bound, Touching)}
+        for event in self.events:
+            if self.touching and not isinstance(event.then, str) and not event.collides:
+                raise InputError(
+                    f"{type(event).__name__}(then={shown(event.then)}) beside collisions; expected then='record' or "
+                    "then='stop', as only collisions act in a run whose bodies collide. Let it stop the run, change "
+                    "run.stopped.system, and go on from there; or seek it in a run without collisions."
+                )
+        self.act = any(not isinstance(event.then, str) for event in self.events)
+        self.stops = stops_of(system, self.of, self.bounds, direction, not (self.act or self.touching))
+
+    @property
+    def on_motion(self) -> list[int]:
+        """The numbers of the functions that are sought on the motion of the bodies within the steps, as recorded."""
+        return [k for k in range(len(self.of)) if self.stops is None or k not in self.stops.bounds]
+
+    def by_particles(self) -> dict[tuple[int, ...], list[int]]:
+        """Return the numbers of these by the massless bodies that they are about, without those of `touching`."""
+        acts = self.act or bool(self.touching)
+        groups = by_particles(self.on_motion, self.bounds, self.of, self.system, acts)
+        return {bodies: [k for k in numbers if k not in self.touching] for bodies, numbers in groups.items()}
+
+    def follow(self, system: System) -> None:
+        """Take bodies whose masses or radii have changed; `system` is otherwise that of the start."""
+        self.system = system
+        self.bounds[:] = [bound for event in self.events for bound in event.bound(system)]
+
+    def go_on_with(self, left: Left) -> dict[int, str]:
+        """Make the functions of the bodies that are left after collisions; those of bodies that are gone are over.
+
+        Returns what is to be said of functions that are over, by their numbers.
+        """
+        over: dict[int, str] = {}
+        for number, bound, why in bounds_left(self.system, self.events, tuple(self.bounds), left):
+            self.bounds[number] = bound
+            if why is not None:
+                over[number] = why
+        return over
+
+    def described(self) -> str:
+        """Return the events as an archive holds them."""
+        return description_of(self.events, self.of, self.bounds)
+
+    def said(self, number: int) -> str:
+        """Return what all zeros of a function are called."""
+        return " / ".join(repr(word) for word in dict.fromkeys(self.bounds[number].words) if word)
+
+    def when(self, time: float) -> str:
+        """Return a time in words."""
+        return "t = " + with_unit(f"{time:.10g}", self.system.units.time)
+
+    def happening(self, found: Found, state: tuple[Array, Array], at: System | None = None) -> Happening:
+        """Return an event that interrupts a run, with the bodies at its time.
+
+        state : q and v of all, (n, 3); at : the bodies there, if they are not all those of the start
+        """
+        system, bound = self.system, self.bounds[found.number]
+        names = [None if k == NOBODY else system.names[k] for k in bound.pairs[found.column]]
+        at = moved(system, *state, found.time, absent(*state, system.massive)) if at is None else at
+        kind = bound.words[found.rising] or ""
+        return Happening(self.of[found.number], kind, u.Quantity(found.time, system.units.time), at, *names)
