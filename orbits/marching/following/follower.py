@@ -1,0 +1,95 @@
+"""Followers: the ways in which massless particles follow the massive bodies through a block of steps.
+
+In the steps of the bodies (`Follower` itself), by steps of their own (`ByOwnSteps` in `own_memory.py`) or leaving a map
+for such steps (`WithExcursions` in `excursion_rules.py`). Which one serves a march is chosen once, when it is bound.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from orbits.integrators.forms import Array, Form
+from orbits.kernels.binding import Tag
+from orbits.kernels.lanes import WIDTH
+from orbits.marching.following.block import Block, Followers, Room
+from orbits.marching.following.contract import follow_block
+from orbits.marching.following.in_lanes import IN_STEPS
+from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.pool import Helpers
+from orbits.marching.watching.watcher import Watcher
+
+
+class Tags(NamedTuple):
+    """What enters compiled code as tags: the method, the Lagrangian and the clock."""
+
+    form: Tag
+    lagrangian: Tag
+    clock: Tag
+
+
+class Follower:
+    """Massless particles that take the steps of the massive bodies, through their recorded stages.
+
+    form : of the method; n : the number of massive bodies; steps : the most in a block; helpers : the threads
+
+    following : the tag of the way of following; reads_path : whether the states and the carry of the bodies at the
+        beginning of each step are to be recorded
+    track : of the caller's thread, see `Room`
+    """
+
+    following: ClassVar[Tag] = IN_STEPS
+    reads_path: ClassVar[bool] = False
+
+    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers) -> None:
+        self._helpers, members = helpers, range(helpers.members)
+        self._evaluations = [np.zeros(1, dtype=np.int64) for _ in members]
+        shapes = form.scratch_shape(3 * n), (12 * (steps + 1), WIDTH)
+        self._rooms = [aligned(*shapes) for _ in members]
+        # What the arguments were made of, and these: of the march itself, which is observed, and of copies of its state.
+        self._bound: dict[bool, tuple[tuple[Any, ...], list[tuple[Any, ...]]]] = {}
+        self.track: Array = self._rooms[0][1]
+
+    @staticmethod
+    def memory_rows(form: Form) -> int:
+        """Return the number of rows of eight that each particle keeps from block to block."""
+        return form.particle_carry_rows
+
+    def follow(self, tags: Tags, block: Block, particles: Followers, watcher: Watcher | None) -> int:
+        """March particles through a block of steps, in which those that are lost are noted in `particles.retired`;
+        return how many evaluations there were.
+
+        watcher : what observes them, or None
+        """
+        steps = int(block.count[0])
+        if not steps:
+            return 0
+        self._prepare(block, watcher, steps)
+        now = (*tags, *block, *particles.columns, *particles[1:], watcher)
+        known, arguments = self._bound.get(watcher is None, ((), []))
+        if len(now) != len(known) or any(a is not b for a, b in zip(now, known, strict=True)):
+            form, *others = tags
+            flat = self.following, form, self._own_form(tags), *others, block, particles
+            arguments = [(*flat, *self._own(k, block, watcher)) for k in range(self._helpers.members)]
+            self._bound[watcher is None] = now, arguments
+        for evaluations in self._evaluations:
+            evaluations[0] = 0
+        self._helpers.run(follow_block, arguments, steps)
+        return sum(int(evaluations[0]) for evaluations in self._evaluations)
+
+    def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
+        """Prepare for a block of steps: by default nothing."""
+
+    def _own_form(self, tags: Tags) -> Tag:
+        """Return the tag of the method of a particle's own steps."""
+        return tags.form
+
+    def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, Any]:
+        """Return the room of a thread, and the record of this way of following."""
+        return self._room(member, watcher), None
+
+    def _room(self, member: int, watcher: Watcher | None) -> Room:
+        observer, context = (0, 0) if watcher is None else (watcher.observer, watcher.contexts.addresses[1 + member])
+        scratch, track = self._rooms[member]
+        return Room(scratch, track, observer, context, self._evaluations[member])
