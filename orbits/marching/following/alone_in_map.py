@@ -44,11 +44,14 @@ class Lone(NamedTuple):
     planets: Any
 
 
-class Map(NamedTuple):
-    """The map in a block of steps, as a particle that is marched alone needs it.
+class Walk(NamedTuple):
+    """What a particle goes through a block of steps with, alone, by the map and by steps of its own.
 
     method, model, clock, block : as for all particles; rules : see `Rules`; lone : see `Lone`
     storage : the particle's memory as the carry, the scratch of the thread, and tables of its own
+    own_method, own_model : of the own steps, and of those of the bodies in whose field they are
+    bodies, stepping : see `orbits.marching.following.particle_excursions.FieldOfPlanets` and
+        `orbits.marching.following.own_clocks.OwnStepping`
     """
 
     method: Any
@@ -58,20 +61,24 @@ class Map(NamedTuple):
     rules: Any
     lone: Any
     storage: Any
+    own_method: Any
+    own_model: Any
+    bodies: Any
+    stepping: Any
 
 
 @kernel
-def _copy_planets(here, k):
+def _copy_planets(walk, k):
     """Copy what is marched of the planets at the beginning of step k."""
-    source = here.block.begun if k == 0 else here.block.carries[k - 1]
-    for row in range(here.lone.planets.shape[0]):
-        store(here.lone.planets, row, load(source, row))
+    source = walk.block.begun if k == 0 else walk.block.carries[k - 1]
+    for row in range(walk.lone.planets.shape[0]):
+        store(walk.lone.planets, row, load(source, row))
 
 
 @kernel(inline=True)
-def _with_planets(here):
+def _with_planets(walk):
     """Return the storage with the copy of the planets as the carry."""
-    return Storage(here.lone.planets, here.storage.scratch, here.storage.stages, here.storage.share)
+    return Storage(walk.lone.planets, walk.storage.scratch, walk.storage.stages, walk.storage.share)
 
 
 @kernel(inline=True)
@@ -81,11 +88,11 @@ def state_in(vectors):
 
 
 @kernel
-def state_of_planets(here, k):
+def state_of_planets(walk, k):
     """Return the state of the bodies at the beginning of step k, uncorrected, in doubled precision."""
-    _copy_planets(here, k)
-    state, (_, h) = state_in(here.lone.bodies), step_of(here.clock, k)
-    leave(here.method, here.model, h, state, _with_planets(here))
+    _copy_planets(walk, k)
+    state, (_, h) = state_in(walk.lone.bodies), step_of(walk.clock, k)
+    leave(walk.method, walk.model, h, state, _with_planets(walk))
     return state
 
 
@@ -97,32 +104,32 @@ def _alone():
 
 
 @kernel
-def march_alone(here, track, k, steps, slot):
+def march_alone(walk, track, k, steps, slot):
     """March a particle by the map, from the beginning of step k, to the beginning of a step that the map cannot follow,
     or to the end of the block; return the number of that step, or `steps`. Its memory is then that of this time.
 
     track, slot : receives its states in this lane, and has that before step k
     """
-    method, model, own = here.method, here.model, here.storage
+    method, model, own = walk.method, walk.model, walk.storage
     if k == 0:
-        first = Storage(own.carry, own.scratch, here.block.stages[0], own.share)
+        first = Storage(own.carry, own.scratch, walk.block.stages[0], own.share)
         carry = begin_particles(method, model, _alone(), first)
     else:
         # The table before a step, of a map that has one, is that after the step before it.
-        count = table_rows(here.rules.near.shape[1] - 1)
-        for row in range(count if here.block.stages.shape[1] >= 2 * count else 0):
-            store(own.stages, row, load(here.block.stages[k - 1], count + row))
+        count = table_rows(walk.rules.near.shape[1] - 1)
+        for row in range(count if walk.block.stages.shape[1] >= 2 * count else 0):
+            store(own.stages, row, load(walk.block.stages[k - 1], count + row))
         carry = begin_particles(method, model, _alone(), own)
     particle = _alone()
     while k < steps:
-        t, h = step_of(here.clock, k)
-        storage = Storage(own.carry, own.scratch, here.block.stages[k], own.share)
+        t, h = step_of(walk.clock, k)
+        storage = Storage(own.carry, own.scratch, walk.block.stages[k], own.share)
         particle, following, _, _ = step_particles(method, model, t, h, particle, carry, storage)
         record_one(
             track, k + 1, slot, lane(particle.x, 0), lane(particle.y, 0), lane(particle.z, 0),
             lane(particle.vx, 0), lane(particle.vy, 0), lane(particle.vz, 0),
         )  # fmt: skip
-        if lane(encounters_in(here.rules, k, seen_at(track, k), seen_at(track, k + 1)), slot) != 0.0:
+        if lane(encounters_in(walk.rules, k, seen_at(track, k), seen_at(track, k + 1)), slot) != 0.0:
             break
         k, carry = k + 1, following
     keep_particles(method, carry, own)
@@ -130,24 +137,24 @@ def march_alone(here, track, k, steps, slot):
 
 
 @kernel
-def leave_map(here, k):
+def leave_map(walk, k):
     """Return a particle that leaves the map at the beginning of step k, uncorrected, in doubled precision."""
-    _copy_planets(here, k)
-    lone = here.lone
+    _copy_planets(walk, k)
+    lone = walk.lone
     particles = lone.columns, lone.memory, lone.retired
-    leave_particles(here.method, here.model, state_in(lone.bodies), particles, lone.rows, _with_planets(here))
+    leave_particles(walk.method, walk.model, state_in(lone.bodies), particles, lone.rows, _with_planets(walk))
     return load_particle(lone.columns, 0)
 
 
 @kernel
-def enter_map(here, k, particle):
+def enter_map(walk, k, particle):
     """Let a particle enter the map at the beginning of step k."""
-    state, lone = state_of_planets(here, k), here.lone
+    state, lone = state_of_planets(walk, k), walk.lone
     store_particle(lone.columns, 0, particle)
     store(lone.memory[0], 0, full(0.0))
     store(lone.memory[0], 1, full(0.0))
     particles = lone.columns, lone.memory, lone.retired
-    enter_particles(here.method, here.model, state, particles, lone.rows, _with_planets(here))
+    enter_particles(walk.method, walk.model, state, particles, lone.rows, _with_planets(walk))
 
 
 @kernel(inline=True)

@@ -12,17 +12,94 @@ A way of following enters compiled code as a tag, like a method (see `orbits.ker
 
 and `group` is the number of particles in a piece of the work, a multiple of eight. Nothing that a particle does depends
 on another one or on the thread that marches it. In Python, followers are the classes of
-`orbits.marching.following.follower`.
+`orbits.marching.following.follower`. The other arguments are records that are made once for a march, of what is read
+and written in each block.
 """
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 from orbits.kernels.binding import kernel_of
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.rounds import begin_round, claim_piece, end_round
+from orbits.kernels.state import Columns
 from orbits.kernels.steps import Method, Model
+
+
+class Block(NamedTuple):
+    """What the massive bodies leave of a block of steps.
+
+    Beside these, kernels get the tags of the method, the Lagrangian and the clock: in a record it would take Numba ten
+    microseconds to tell the type of each.
+
+    coefficients, parameters, numbers, times : of the method, the Lagrangian and the clock; see
+        `orbits.kernels.steps.Method`, `Model` and `orbits.kernels.clocks.Clock`
+    count : (1,) int64, how many steps they took
+    stages : (steps, rows, columns), see `orbits.kernels.steps.Storage`
+    begun : (rows, 8), their carry before the first step; path : flat, q and v at the beginning of each step and at the
+        end, each padded; carries : (steps, rows, 8), their carry after each step. Only for a follower that reads them
+    """
+
+    coefficients: Any
+    parameters: Any
+    numbers: Any
+    times: Any
+    count: Any
+    stages: Any
+    begun: Any
+    path: Any
+    carries: Any
+
+
+class Followers(NamedTuple):
+    """The massless particles of a march.
+
+    columns : their states, (3, padded) each
+    memory : (particles, rows, 8), the carry of each; clocks : (particles, columns), of those that have clocks of their
+        own: see `orbits.marching.following.own_clocks.BEFORE`
+    retired : (padded, 2) int64, a row for each particle: why it was retired (0: it was not), and before which step of
+        the block. One that cannot be stepped is retired alone, and keeps its state before the step
+    """
+
+    columns: Columns
+    memory: Any
+    clocks: Any
+    retired: Any
+
+
+class Room(NamedTuple):
+    """What a thread has for itself.
+
+    scratch : workspace of a step; track : (rows, 8), receives the states of eight, or of twice eight, particles at the
+        beginning of each step
+    observer, context : see `orbits.kernels.search.observers`; evaluations : (1,) int64, to which its own are added
+    """
+
+    scratch: Any
+    track: Any
+    observer: Any
+    context: Any
+    evaluations: Any
+
+
+def resolved(name: str) -> Any:
+    """Return a function of compiled code that calls the kernel of that name of its first argument, a tag, with the
+    others; without such a kernel it does nothing.
+    """
+
+    def choose(tag, *arguments):
+        compiled = kernel_of(tag, name)
+        if compiled is None:
+            return lambda tag, *arguments: None
+        return lambda tag, *arguments: compiled(*arguments)
+
+    return verb(choose)
+
+
+begin, march_some = resolved("begin"), resolved("march")
 
 
 @verb
@@ -32,24 +109,6 @@ def group_of(following):
     return lambda following: group
 
 
-@verb
-def begin(following, own, method, model, clock, block, steps):
-    """Prepare for a block of `steps` steps."""
-    compiled = kernel_of(following, "begin")
-    if compiled is None:
-        return lambda following, own, method, model, clock, block, steps: None
-    return lambda following, own, method, model, clock, block, steps: compiled(own, method, model, clock, block, steps)
-
-
-@verb
-def march_some(following, own, form, method, model, clock, block, particles, room, first, last):
-    """March particles first ... last - 1 through the block."""
-    compiled = kernel_of(following, "march")
-    return lambda following, own, form, method, model, clock, block, particles, room, first, last: compiled(
-        own, form, method, model, clock, block, particles, room, first, last
-    )
-
-
 @kernel
 def follow_block(turns, following, form, own_form, tag, timing, block, particles, room, own):
     """March the massless particles through the steps that the massive bodies have just taken, as one of several
@@ -57,7 +116,7 @@ def follow_block(turns, following, form, own_form, tag, timing, block, particles
 
     turns : see `orbits.kernels.rounds`; following : the tag of the way of following, and own : its record
     form, own_form, tag, timing : the tags of the method, of that of a particle's own steps, of the Lagrangian and of
-        the clock; block, particles, room : see `orbits.marching.following.block`
+        the clock; block, particles, room : see these
     """
     method, model = Method(form, block.coefficients), Model(tag, block.parameters)
     clock, group, count = Clock(timing, block.numbers, block.times), group_of(following), particles.memory.shape[0]

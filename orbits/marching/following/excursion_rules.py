@@ -18,12 +18,13 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
 from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Clock
 from orbits.marching.following.alone_in_map import Lone
-from orbits.marching.following.block import Block, Room
-from orbits.marching.following.follower import Follower, Tags
+from orbits.marching.following.contract import Block, Room
+from orbits.marching.following.follower import Follower
 from orbits.marching.following.in_lanes import GROUP
 from orbits.marching.following.own_clocks import COLUMNS
-from orbits.marching.following.own_memory import OwnMemory
+from orbits.marching.following.own_memory import ByOwnSteps, OwnMemory
 from orbits.marching.following.particle_excursions import EXCURSIONS, MORE_ROWS, Excursions, FieldOfPlanets
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_of_bodies
@@ -76,7 +77,7 @@ class WithExcursions(Follower):
 
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, followed: OwnSteps, parameters: Any) -> None:
         super().__init__(form, n, steps, helpers)
-        self._followed = followed
+        self._followed, self._own_form = followed, followed.form.tag
         # Written anew for each block, in which the bodies may be in another order.
         self._coefficients = np.array(coefficients_of(followed.form, 1.0))
         self._parameters = _ordered(parameters, np.arange(n))
@@ -99,9 +100,6 @@ class WithExcursions(Follower):
             arrays = [memory.own.arrays for memory in self._memories]
             watcher.follow_own_steps(arrays, (round(block.numbers[FIRST]), h), self._followed.radii)
 
-    def _own_form(self, tags: Tags) -> Tag:
-        return self._followed.form.tag
-
     def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, Excursions]:
         room, memory = self._room(member, watcher), self._memories[member]
         context = 0 if watcher is None else watcher.own_steps.addresses[member]
@@ -109,6 +107,28 @@ class WithExcursions(Follower):
         bodies = FieldOfPlanets(self._parameters, self._coefficients, *memory.of_bodies)
         near, limits, _, _ = self._followed
         return room, Excursions(near, memory.extent, limits, memory.kept, memory.lone, bodies, stepping)
+
+
+def follower_of(
+    clock: Clock,
+    form: Form,
+    n: int,
+    steps: int,
+    helpers: Helpers,
+    coefficients: Array,
+    parameters: Any,
+    followed: OwnSteps | None,
+) -> Follower:
+    """Return what marches the massless particles of a march.
+
+    clock : of the march; coefficients : of a step of the method; parameters : of what acts on the bodies
+    followed : the passages that a map leaves to steps of their own, or None; the others are those of `Follower`
+    """
+    if followed is not None:
+        return WithExcursions(form, n, steps, helpers, followed, parameters)
+    if clock.changes:
+        return ByOwnSteps(form, n, steps, helpers, coefficients)
+    return Follower(form, n, steps, helpers)
 
 
 def _as_tuple(parameters: Any) -> tuple[Any, ...]:

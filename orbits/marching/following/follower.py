@@ -6,27 +6,18 @@ for such steps (`WithExcursions` in `excursion_rules.py`). Which one serves a ma
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
-from orbits.marching.following.block import Block, Followers, Room
-from orbits.marching.following.contract import follow_block
+from orbits.marching.following.contract import Block, Followers, Room, follow_block
 from orbits.marching.following.in_lanes import IN_STEPS
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.watcher import Watcher
-
-
-class Tags(NamedTuple):
-    """What enters compiled code as tags: the method, the Lagrangian and the clock."""
-
-    form: Tag
-    lagrangian: Tag
-    clock: Tag
 
 
 class Follower:
@@ -44,10 +35,11 @@ class Follower:
 
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers) -> None:
         self._helpers, members = helpers, range(helpers.members)
+        self._own_form: Tag = form.tag  # of the method of a particle's own steps
         self._evaluations = [np.zeros(1, dtype=np.int64) for _ in members]
         shapes = form.scratch_shape(3 * n), (12 * (steps + 1), WIDTH)
         self._rooms = [aligned(*shapes) for _ in members]
-        # What the arguments were made of, and these: of the march itself, which is observed, and of copies of its state.
+        # What the arguments were made of, and these: of the march itself, and of copies of its state, not observed.
         self._bound: dict[bool, tuple[tuple[Any, ...], list[tuple[Any, ...]]]] = {}
         self.track: Array = self._rooms[0][1]
 
@@ -56,11 +48,11 @@ class Follower:
         """Return the number of rows of eight that each particle keeps from block to block."""
         return form.particle_carry_rows
 
-    def follow(self, tags: Tags, block: Block, particles: Followers, watcher: Watcher | None) -> int:
+    def follow(self, tags: tuple[Tag, Tag, Tag], block: Block, particles: Followers, watcher: Watcher | None) -> int:
         """March particles through a block of steps, in which those that are lost are noted in `particles.retired`;
         return how many evaluations there were.
 
-        watcher : what observes them, or None
+        tags : of the method, the Lagrangian and the clock; watcher : what observes them, or None
         """
         steps = int(block.count[0])
         if not steps:
@@ -69,8 +61,7 @@ class Follower:
         now = (*tags, *block, *particles.columns, *particles[1:], watcher)
         known, arguments = self._bound.get(watcher is None, ((), []))
         if len(now) != len(known) or any(a is not b for a, b in zip(now, known, strict=True)):
-            form, *others = tags
-            flat = self.following, form, self._own_form(tags), *others, block, particles
+            flat = self.following, tags[0], self._own_form, *tags[1:], block, particles
             arguments = [(*flat, *self._own(k, block, watcher)) for k in range(self._helpers.members)]
             self._bound[watcher is None] = now, arguments
         for evaluations in self._evaluations:
@@ -80,10 +71,6 @@ class Follower:
 
     def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
         """Prepare for a block of steps: by default nothing."""
-
-    def _own_form(self, tags: Tags) -> Tag:
-        """Return the tag of the method of a particle's own steps."""
-        return tags.form
 
     def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, Any]:
         """Return the room of a thread, and the record of this way of following."""

@@ -6,52 +6,22 @@ How a particle goes through a step of the bodies is a tag with the kernels
         takes particle p through step k; one that cannot be stepped to the end is where it got to
     finish(own, method, model, p, steps, particle, status, track), optionally
         called once a particle is at the end of a block, or lost
-    report(own, block, first, last), optionally
-        called after the observer of a group
 """
 
 from __future__ import annotations
 
 import math
 
-from orbits.kernels.binding import kernel_of
 from orbits.kernels.clocks import step_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_one, record_particle
 from orbits.kernels.state import load_particle, store_particle
 from orbits.kernels.steps import OK
+from orbits.marching.following.contract import resolved
 
-
-@verb
-def take_through(way, own, method, model, clock, block, particles, room, k, p, particle):
-    """Take particle p through step k of the bodies. Returns (particle, status, evaluations)."""
-    compiled = kernel_of(way, "take_step")
-    return lambda way, own, method, model, clock, block, particles, room, k, p, particle: compiled(
-        own, method, model, clock, block, particles, room, k, p, particle
-    )
-
-
-@verb
-def finish(way, own, method, model, p, steps, particle, status, track):
-    """Finish with a particle in a block."""
-    compiled = kernel_of(way, "finish")
-    if compiled is None:
-        return lambda way, own, method, model, p, steps, particle, status, track: None
-    return lambda way, own, method, model, p, steps, particle, status, track: compiled(
-        own, method, model, p, steps, particle, status, track
-    )
-
-
-@verb
-def report(way, own, block, first, last):
-    """Report what was found in a group besides what its observer found."""
-    compiled = kernel_of(way, "report")
-    if compiled is None:
-        return lambda way, own, block, first, last: None
-    return lambda way, own, block, first, last: compiled(own, block, first, last)
+take_through, finish = resolved("take_step"), resolved("finish")
 
 
 @kernel(inline=True)
@@ -86,5 +56,4 @@ def march_each(way, own, method, model, clock, block, particles, room, first, la
         store_particle(particles.columns, p, particle)
     _, h = step_of(clock, 0)
     call_observer(room.observer, room.context, track, h, steps, first, last)
-    report(way, own, block, first, last)
     return evaluations

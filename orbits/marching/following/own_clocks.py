@@ -298,7 +298,9 @@ def _begin(own, method, model, clock, block, steps):
 
 @kernel(inline=True)
 def _march(own, form, method, model, clock, block, particles, room, first, last):
-    return march_each(BY_OWN_STEPS, own, method, model, clock, block, particles, room, first, last)
+    evaluations = march_each(BY_OWN_STEPS, own, method, model, clock, block, particles, room, first, last)
+    report_log(own.log, block.count[0], first, last)
+    return evaluations
 
 
 @kernel(inline=True)
@@ -316,19 +318,7 @@ def _finish(own, method, model, p, steps, particle, status, track):
     finish_log(method, model, own.field, own.log, p, steps, particle, status, seen, track)
 
 
-@kernel(inline=True)
-def _report(own, block, first, last):
-    report_log(own.log, block.count[0], first, last)
-
-
 BY_OWN_STEPS = Tag(
     "particles by steps of their own",
-    {
-        "begin": _begin,
-        "march": _march,
-        "group": WIDTH,
-        "take_step": _take_step,
-        "finish": _finish,
-        "report": _report,
-    },
+    {"begin": _begin, "march": _march, "group": WIDTH, "take_step": _take_step, "finish": _finish},
 )

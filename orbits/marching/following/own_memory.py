@@ -11,8 +11,8 @@ from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
-from orbits.marching.following.block import Block, Room
 from orbits.marching.following.bodies_between import PLACES, Field, chart
+from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower
 from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, OwnStepping, Shared
 from orbits.marching.following.own_steps_log import BESIDES, Log

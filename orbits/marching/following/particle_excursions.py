@@ -37,7 +37,7 @@ from orbits.kernels.state import load_particle, store_particle
 from orbits.kernels.steps import OK, Method, Model, Share, Storage, step
 from orbits.marching.clocks.variable_steps import ORIGIN
 from orbits.marching.following.alone_in_map import (
-    Map,
+    Walk,
     enter_map,
     leave_map,
     march_alone,
@@ -45,7 +45,7 @@ from orbits.marching.following.alone_in_map import (
     state_in,
     state_of_planets,
 )
-from orbits.marching.following.block import Room
+from orbits.marching.following.contract import Room
 from orbits.marching.following.in_lanes import GROUP, march_in_lanes
 from orbits.marching.following.own_clocks import BEFORE, NEXT, REACHED, begin_stepping, follow
 from orbits.marching.following.own_steps_log import finish_log, log_state, report_log
@@ -103,19 +103,6 @@ class FieldOfPlanets(NamedTuple):
     state: Any
 
 
-class Away(NamedTuple):
-    """What a particle takes steps of its own with.
-
-    method, model : of these steps, and of those of the bodies; bodies : see `FieldOfPlanets`
-    stepping : see `orbits.marching.following.own_clocks.OwnStepping`
-    """
-
-    method: Any
-    model: Any
-    bodies: Any
-    stepping: Any
-
-
 @kernel(inline=True)
 def _in_order(order, source, out):
     """Write a vector of the bodies in the order of the map."""
@@ -126,35 +113,35 @@ def _in_order(order, source, out):
 
 
 @kernel
-def _learn_step(here, away, k):
+def _learn_step(walk, k):
     """Let the bodies take step k by Gauss, from their state at its beginning; return the status."""
-    (t, h), bodies, field = step_of(here.clock, k), away.bodies, away.stepping.field
-    state_of_planets(here, k)
+    (t, h), bodies, field = step_of(walk.clock, k), walk.bodies, walk.stepping.field
+    state_of_planets(walk, k)
     state, carry = state_in(bodies.state), field.kicks[k]
     for part in range(4):
-        _in_order(away.stepping.log.order, here.lone.bodies[part], bodies.state[part])
+        _in_order(walk.stepping.log.order, walk.lone.bodies[part], bodies.state[part])
     record_strip(field.path, k, state.q, state.p, 0, state.q.shape[0])
     for row in range(carry.shape[0]):
         store(carry, row, full(0.0))
     storage = Storage(carry, bodies.scratch, field.stages[k], Share(0, state.q.shape[0], None))
-    status, _, _ = step(Method(away.method.tag, bodies.coefficients), away.model, t, h, state, storage)
+    status, _, _ = step(Method(walk.own_method.tag, bodies.coefficients), walk.own_model, t, h, state, storage)
     bodies.reached[k] = True
     return status
 
 
 @kernel
-def _log_map(here, away, track, p, slot, start, stop):
+def _log_map(walk, track, p, slot, start, stop):
     """Log the states of a particle at the beginnings of steps start ... stop - 1, by the map."""
     for k in range(start, stop):
         particle = particle_at(track, k, slot)
-        log_state(away.method, away.model, away.stepping.field, away.stepping.log, p, k, 0.0, particle)
+        log_state(walk.own_method, walk.own_model, walk.stepping.field, walk.stepping.log, p, k, 0.0, particle)
 
 
 @kernel
-def _go_through(here, away, columns, track, p, steps, is_away):
+def _go_through(walk, columns, track, p, steps, is_away):
     """March particle p, alone, through a block of `steps` steps, by the map and by steps of its own.
 
-    here : with its memory at the beginning; columns : with its state then, if it is away
+    walk : with its memory at the beginning; columns : with its state then, if it is away
     Returns (whether it is away, status, step before which it was lost, evaluations); its memory, its state in `columns`
     and its lane of the track are those at the end, or where it was lost.
     """
@@ -163,28 +150,28 @@ def _go_through(here, away, columns, track, p, steps, is_away):
     while k < steps and status == OK:
         if is_away and not left:
             record_particle(track, k, slot, particle)
-            if may_return(here.rules, k, seen_at(track, k), slot):
-                enter_map(here, k, particle)
+            if may_return(walk.rules, k, seen_at(track, k), slot):
+                enter_map(walk, k, particle)
                 is_away = False
         if not is_away:
             begun = k
-            k = march_alone(here, track, begun, steps, slot)
+            k = march_alone(walk, track, begun, steps, slot)
             evaluations += k - begun
-            _log_map(here, away, track, p, slot, begun, k)
+            _log_map(walk, track, p, slot, begun, k)
             if k < steps:
-                particle, is_away, left = leave_map(here, k), True, True
+                particle, is_away, left = leave_map(walk, k), True, True
                 for i in range(3):
-                    store(away.bodies.carry, i, full(0.0))
-                away.bodies.clock[BEFORE], away.bodies.clock[NEXT] = 0.0, 0.0
+                    store(walk.bodies.carry, i, full(0.0))
+                walk.bodies.clock[BEFORE], walk.bodies.clock[NEXT] = 0.0, 0.0
             continue
         record_particle(track, k, slot, particle)
-        if not away.bodies.reached[k]:
-            status = _learn_step(here, away, k)
+        if not walk.bodies.reached[k]:
+            status = _learn_step(walk, k)
         if status == OK:
             share = Share(p, p + 1, None)
-            storage = Storage(away.bodies.carry, away.bodies.scratch, away.stepping.field.stages[k], share)
+            storage = Storage(walk.bodies.carry, walk.bodies.scratch, walk.stepping.field.stages[k], share)
             particle, status, count = follow(
-                away.method, away.model, away.stepping, k, p, particle, away.bodies.clock, storage
+                walk.own_method, walk.own_model, walk.stepping, k, p, particle, walk.bodies.clock, storage
             )
             evaluations += count
         k, left = k + 1 if status == OK else k, False
@@ -198,27 +185,27 @@ def _go_through(here, away, columns, track, p, steps, is_away):
 
 
 @kernel
-def _take_memory(here, away, kept):
+def _take_memory(walk, kept):
     """Take the memory of a particle at the beginning of a block."""
-    memory = here.lone.memory[0]
+    memory = walk.lone.memory[0]
     store(memory, 0, load(kept, 0))
     store(memory, 1, load(kept, 1))
     for i in range(3):
-        store(away.bodies.carry, i, load(kept, 1 + i))
-    away.bodies.clock[BEFORE], away.bodies.clock[NEXT] = kept[0, BEGUN], kept[0, BEGUN + 1]
+        store(walk.bodies.carry, i, load(kept, 1 + i))
+    walk.bodies.clock[BEFORE], walk.bodies.clock[NEXT] = kept[0, BEGUN], kept[0, BEGUN + 1]
 
 
 @kernel
-def _keep_memory(here, away, is_away, own):
+def _keep_memory(walk, is_away, own):
     """Write the memory of a particle at the end of a block."""
-    memory = here.lone.memory[0]
+    memory = walk.lone.memory[0]
     for i in range(4):
         store(own, i, full(0.0))
     if is_away:
-        clock = away.bodies.clock
+        clock = walk.bodies.clock
         own[0, NUMBER], own[0, BEGUN], own[0, BEGUN + 1] = ELSEWHERE, clock[BEFORE], clock[NEXT]
         for i in range(3):
-            store(own, 1 + i, load(away.bodies.carry, i))
+            store(own, 1 + i, load(walk.bodies.carry, i))
     else:
         store(own, 0, load(memory, 0))
         store(own, 1, load(memory, 1))
@@ -252,11 +239,11 @@ def _march(own, form, method, model, clock, block, particles, room, first, last)
     """
     (_, h), steps, memory, retired = step_of(clock, 0), block.count[0], particles.memory, particles.retired
     lone, stepping = own.lone, own.stepping
-    here = Map(
+    walk = Walk(
         method, model, clock, block, _rules(own, block, h), lone,
         Storage(lone.memory, room.scratch, lone.tables, Share(0, 1, None)),
+        Method(form, stepping.table), Model(model.tag, own.bodies.parameters), own.bodies, stepping,
     )  # fmt: skip
-    away = Away(Method(form, stepping.table), Model(model.tag, own.bodies.parameters), own.bodies, stepping)
     for p in range(first, last):
         for i in range(memory.shape[1]):
             store(own.kept[p - first], i, load(memory[p], i))
@@ -267,21 +254,23 @@ def _march(own, form, method, model, clock, block, particles, room, first, last)
     for begin in range(first, last, WIDTH):
         end = min(begin + WIDTH, last)
         track = room.track[: 6 * (steps + 1)] if begin == first else room.track[room.track.shape[0] // 2 :]
-        met = encountering(here.rules, track, steps)
+        met = encountering(walk.rules, track, steps)
         for p in range(begin, end):
             is_away = retired[p, 0] == SKIPPED
             if not (is_away or lane(met, p - begin) != 0.0):
                 continue
-            _take_memory(here, away, own.kept[p - first])
-            is_away, status, done, count = _go_through(here, away, particles.columns, track, p, steps, is_away)
+            _take_memory(walk, own.kept[p - first])
+            is_away, status, done, count = _go_through(walk, particles.columns, track, p, steps, is_away)
             evaluations += count
             retired[p, 0], retired[p, 1] = status, done if status != OK else 0
-            _keep_memory(here, away, is_away, memory[p])
+            _keep_memory(walk, is_away, memory[p])
             if status != OK:
                 since = stepping.numbers[ORIGIN] + stepping.field.times[done]
                 memory[p, 0, PART] = (own.bodies.clock[REACHED] - since) / h
             particle = load_particle(particles.columns, p)
-            finish_log(away.method, away.model, stepping.field, stepping.log, p, steps, particle, status, True, track)
+            finish_log(
+                walk.own_method, walk.own_model, stepping.field, stepping.log, p, steps, particle, status, True, track
+            )
         call_observer(room.observer, room.context, track, h, steps, begin, last)
         report_log(stepping.log, steps, begin, end)
     return evaluations

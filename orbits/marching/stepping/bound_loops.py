@@ -17,10 +17,8 @@ from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks import variable_steps
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps
-from orbits.marching.following.block import Block, Followers
-from orbits.marching.following.choice import follower_of
-from orbits.marching.following.excursion_rules import OwnSteps
-from orbits.marching.following.follower import Tags
+from orbits.marching.following.contract import Block, Followers
+from orbits.marching.following.excursion_rules import OwnSteps, follower_of
 from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.stepping import driver
 from orbits.marching.stepping.alignment import aligned
@@ -290,7 +288,7 @@ class BoundLoops:
         columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
         clocks = state.get("particle_clock", self._no_clocks)
         particles = Followers(columns, state["particle_memory"], clocks, retired)
-        return self._follower.follow(Tags(form, tag, timing), block, particles, watcher)
+        return self._follower.follow((form, tag, timing), block, particles, watcher)
 
     def _in_shares(self, work: Callable[[int, int], None]) -> None:
         """Call a function with the numbers at the ends of each share of the particles, in the caller's thread and in
