@@ -39,7 +39,7 @@ class Follower:
         self._evaluations = [np.zeros(1, dtype=np.int64) for _ in members]
         shapes = form.scratch_shape(3 * n), (12 * (steps + 1), WIDTH)
         self._rooms = [aligned(*shapes) for _ in members]
-        # What the arguments were made of, and these: of the march itself, and of copies of its state, not observed.
+        # Records, and the arguments made of them: of the march itself, and of copies of its state, not observed.
         self._bound: dict[bool, tuple[tuple[Any, ...], list[tuple[Any, ...]]]] = {}
         self.track: Array = self._rooms[0][1]
 
@@ -52,18 +52,18 @@ class Follower:
         """March particles through a block of steps, in which those that are lost are noted in `particles.retired`;
         return how many evaluations there were.
 
-        tags : of the method, the Lagrangian and the clock; watcher : what observes them, or None
+        tags : of the method, the Lagrangian and the clock; block, particles : the same records as long as the arrays
+            are the same; watcher : what observes them, or None
         """
         steps = int(block.count[0])
         if not steps:
             return 0
         self._prepare(block, watcher, steps)
-        now = (*tags, *block, *particles.columns, *particles[1:], watcher)
         known, arguments = self._bound.get(watcher is None, ((), []))
-        if len(now) != len(known) or any(a is not b for a, b in zip(now, known, strict=True)):
+        if not known or block is not known[0] or particles is not known[1]:
             flat = self.following, tags[0], self._own_form, *tags[1:], block, particles
             arguments = [(*flat, *self._own(k, block, watcher)) for k in range(self._helpers.members)]
-            self._bound[watcher is None] = now, arguments
+            self._bound[watcher is None] = (block, particles), arguments
         for evaluations in self._evaluations:
             evaluations[0] = 0
         self._helpers.run(follow_block, arguments, steps)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Future, wait
 from typing import Any
 
 import numpy as np
@@ -118,8 +116,9 @@ class BoundLoops:
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
-        self._block: Block | None = None
-        self._no_clocks = np.zeros((0, COLUMNS))
+        self._now, self._count = np.zeros(0), np.zeros(1, dtype=np.int64)
+        # What the records for particles were made of, and these: of the march itself, and of copies, not observed.
+        self._bound_to: dict[bool, tuple[Any, Any]] = dict.fromkeys((False, True), ([None] * 7, None))
         self.tasks = range(self._helpers.members if self._follower is not None else 0)
         self.tracks = [np.zeros((0, WIDTH))] if self._follower is None else [self._follower.track]
 
@@ -226,7 +225,7 @@ class BoundLoops:
             kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], start, stop)
 
         if some is None:
-            self._in_shares(transform)
+            self._helpers.each(transform, self._shares)
         else:
             count = state["particle_memory"].shape[0]
             for k in sorted({int(p) // WIDTH for p in some}):
@@ -278,39 +277,23 @@ class BoundLoops:
         if self._follower is None:
             return 0
         form, coefficients, tag, parameters, timing, now, times = bound
-        if self._block is None or len(self._block.numbers) != len(now):
-            numbers, taken = np.empty_like(now), np.zeros(1, dtype=np.int64)
-            self._block = Block(
-                coefficients, parameters, numbers, times, taken, self._stages, self._begun, *self._record
+        if len(self._now) != len(now):
+            self._now = np.empty_like(now)
+        self._now[:], self._count[0] = now, count
+        sources = state, coefficients, *self._record, retired, watcher, self._now
+        known, records = self._bound_to[watcher is None]
+        if any(a is not b for a, b in zip(sources, known, strict=True)):
+            columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
+            clocks = state.get("particle_clock", np.zeros((0, COLUMNS)))
+            records = (
+                Block(
+                    coefficients, parameters, self._now, times, self._count, self._stages, self._begun, *self._record
+                ),
+                Followers(columns, state["particle_memory"], clocks, retired),
             )
-        self._block.numbers[:], self._block.count[0] = now, count
-        block = self._block._replace(coefficients=coefficients, path=self._record[0], carries=self._record[1])
-        columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
-        clocks = state.get("particle_clock", self._no_clocks)
-        particles = Followers(columns, state["particle_memory"], clocks, retired)
+            self._bound_to[watcher is None] = sources, records
+        block, particles = records
         return self._follower.follow((form, tag, timing), block, particles, watcher)
-
-    def _in_shares(self, work: Callable[[int, int], None]) -> None:
-        """Call a function with the numbers at the ends of each share of the particles, in the caller's thread and in
-        others, which take the next share when they are free.
-        """
-        shares = iter(self._shares)
-
-        def take() -> None:
-            for start, stop in shares:
-                work(start, stop)
-
-        self._helpers.dismiss()
-        running: list[Future[None]] = []
-        try:
-            if self._pool is not None:
-                for _ in self.tasks[1:]:
-                    running.append(self._pool.submit(take))
-            take()
-        finally:
-            wait(running)  # also after an interrupt: the arrays may be used only afterwards
-        for future in running:
-            future.result()
 
     def close(self) -> None:
         """Release the threads; what is still asked for is computed by the caller's."""

@@ -122,6 +122,25 @@ class Helpers:
                 now = kernel, self._turns[member], arguments[member], _processor()
                 self._running[member] = self._pool.submit(_take_part, *now)
 
+    def each(self, work: Callable[[int, int], None], shares: Sequence[tuple[int, int]]) -> None:
+        """Call work(start, stop) for each share, in the caller's thread and in others, which take the next share when
+        they are free.
+        """
+        rest = iter(shares)
+
+        def take() -> None:
+            for start, stop in rest:
+                work(start, stop)
+
+        self.dismiss()
+        try:
+            for member in range(1, 1 + self._others):
+                assert self._pool is not None
+                self._running[member] = self._pool.submit(take)
+            take()
+        finally:
+            self.dismiss()  # also after an interrupt: the arrays may be used only afterwards
+
     def dismiss(self) -> None:
         """Let the threads leave, and wait until they have."""
         self._arguments, self._counters[DISMISSED] = (), 1

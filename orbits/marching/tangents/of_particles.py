@@ -128,7 +128,7 @@ class ParticleTangents(BoundLoops):
                 self._fans, self._growth, judged,
             )  # fmt: skip
 
-        self._in_shares(share)
+        self._helpers.each(share, self._shares)
 
     def vectors(self, particle: int) -> Array:
         """Return the vectors of a particle as they are marched, (count, 2, 3)."""
