@@ -36,47 +36,35 @@ class Turns(NamedTuple):
 
 
 @kernel
-def begin_round(turns):
-    """Open a round, or watch for one; return its number, or 0 if there is none."""
-    counters = turns.counters
-    if turns.member != 0:
-        return watch_for_round(turns, 0)
-    write(counters, CLAIMED, 0)
-    number = add(counters, ROUNDS, 1) + 1
-    write(counters, OPEN, number)
-    return number
-
-
-@kernel
 def claim_piece(turns):
     """Return the next of the pieces 0, 1, ... of the round."""
     return add(turns.counters, CLAIMED, 1)
 
 
 @kernel
-def end_round(turns, number):
-    """Close a round, after waiting for the others within it, and return 0; or leave it, watch for the next one and
-    return its number.
+def next_round(turns, last):
+    """Open a round, or close the last one after waiting for the others within it; as one of the others, leave the last
+    one, and watch for the next and enter it. Return the number of the round, or 0 if there is none.
+
+    last : 0 before the first one
     """
-    counters = turns.counters
-    if turns.member != 0:
+    counters, member, patience = turns
+    looks = 0
+    if member == 0:
+        if last == 0:
+            write(counters, CLAIMED, 0)
+            number = add(counters, ROUNDS, 1) + 1
+            write(counters, OPEN, number)
+            return number
+        write(counters, OPEN, 0)
+        while read(counters, WITHIN) > 0:
+            looks += 1
+            if looks > SPINS:
+                give_way()
+        return 0
+    if last > 0:
         add(counters, WITHIN, -1)
-        return watch_for_round(turns, number)
-    write(counters, OPEN, 0)
-    looks = 0
-    while read(counters, WITHIN) > 0:
-        looks += 1
-        if looks > SPINS:
-            give_way()
-    return 0
-
-
-@kernel
-def watch_for_round(turns, last):
-    """Watch for a round after the last one, and enter it; return its number, or 0 for one that has watched in vain."""
-    counters, _, patience = turns
-    looks = 0
-    while read(counters, DISMISSED) == 0:
+    while looks <= patience and read(counters, DISMISSED) == 0:
         if read(counters, OPEN) > last:
             # Once it is within, the round stays open until it leaves; it may have been closed before.
             add(counters, WITHIN, 1)
@@ -85,8 +73,6 @@ def watch_for_round(turns, last):
                 return now
             add(counters, WITHIN, -1)
         looks += 1
-        if looks > patience:
-            break
         if looks > SPINS:
             give_way()
     return 0

@@ -11,7 +11,7 @@ import pytest
 
 import orbits
 from orbits.kernels.compile import kernel
-from orbits.kernels.rounds import COUNTERS, DISMISSED, Turns, begin_round, claim_piece, end_round
+from orbits.kernels.rounds import COUNTERS, DISMISSED, Turns, claim_piece, next_round
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching import following
 from orbits.marching.following.contract import follow_block
@@ -38,13 +38,13 @@ def test_records_have_at_most_15_fields_and_the_entry_point_12_arguments():
 @kernel
 def count_pieces(turns, counts):
     """Count the pieces that are claimed, by the thread and the round."""
-    number = begin_round(turns)
+    number = next_round(turns, 0)
     while number > 0:
         piece = claim_piece(turns)
         while piece < counts.shape[2]:
             counts[turns.member, number - 1, piece] += 1
             piece = claim_piece(turns)
-        number = end_round(turns, number)
+        number = next_round(turns, number)
 
 
 def test_each_piece_of_a_round_is_done_once_and_before_it_ends():

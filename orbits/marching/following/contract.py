@@ -3,7 +3,7 @@
 A way of following enters compiled code as a tag, like a method (see `orbits.kernels.steps`), with a record of its own,
 `own`. Two functions are resolved at compile time to its kernels:
 
-    begin(own, method, model, clock, block, steps)
+    begin(own, clock, block)
         called by each thread before its first particles of a block
     march(own, form, method, model, clock, block, particles, room, first, last) -> evaluations
         marches particles first ... last - 1 through the block, and calls the observer for each group of eight. One that
@@ -24,7 +24,7 @@ from orbits.kernels.binding import kernel_of
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.rounds import begin_round, claim_piece, end_round
+from orbits.kernels.rounds import claim_piece, next_round
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import Method, Model
 
@@ -85,21 +85,22 @@ class Room(NamedTuple):
     evaluations: Any
 
 
-def resolved(name: str) -> Any:
-    """Return a function of compiled code that calls the kernel of that name of its first argument, a tag, with the
-    others; without such a kernel it does nothing.
-    """
-
-    def choose(tag, *arguments):
-        compiled = kernel_of(tag, name)
-        if compiled is None:
-            return lambda tag, *arguments: None
-        return lambda tag, *arguments: compiled(*arguments)
-
-    return verb(choose)
+@verb
+def begin(following, own, clock, block):
+    """Prepare for a block."""
+    compiled = kernel_of(following, "begin")
+    if compiled is None:
+        return lambda following, own, clock, block: None
+    return lambda following, own, clock, block: compiled(own, clock, block)
 
 
-begin, march_some = resolved("begin"), resolved("march")
+@verb
+def march_some(following, own, form, method, model, clock, block, particles, room, first, last):
+    """March particles first ... last - 1 through a block."""
+    compiled = kernel_of(following, "march")
+    return lambda following, own, form, method, model, clock, block, particles, room, first, last: compiled(
+        own, form, method, model, clock, block, particles, room, first, last
+    )
 
 
 @verb
@@ -120,9 +121,9 @@ def follow_block(turns, following, form, own_form, tag, timing, block, particles
     """
     method, model = Method(form, block.coefficients), Model(tag, block.parameters)
     clock, group, count = Clock(timing, block.numbers, block.times), group_of(following), particles.memory.shape[0]
-    number = begin_round(turns)
+    number = next_round(turns, 0)
     while number > 0:
-        begin(following, own, method, model, clock, block, block.count[0])
+        begin(following, own, clock, block)
         first = group * claim_piece(turns)
         while first < count:
             last = min(first + group, count)
@@ -130,4 +131,4 @@ def follow_block(turns, following, form, own_form, tag, timing, block, particles
                 following, own, own_form, method, model, clock, block, particles, room, first, last
             )
             first = group * claim_piece(turns)
-        number = end_round(turns, number)
+        number = next_round(turns, number)

@@ -12,7 +12,6 @@ from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.maps.on_kepler_orbits import in_order
-from orbits.kernels.binding import Tag
 from orbits.kernels.clocks import FIRST, LENGTH
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
@@ -72,11 +71,11 @@ class WithExcursions(Follower):
     form : of the map; followed : the passages; the other arguments are those of `Follower`
     """
 
-    following: ClassVar[Tag] = EXCURSIONS
     reads_path: ClassVar[bool] = True
 
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, followed: OwnSteps, parameters: Any) -> None:
         super().__init__(form, n, steps, helpers)
+        self.following = EXCURSIONS
         self._followed, self._own_form = followed, followed.form.tag
         # Written anew for each block, in which the bodies may be in another order.
         self._coefficients = np.array(coefficients_of(followed.form, 1.0))

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.integrators.forms import Array, Form
-from orbits.kernels.binding import Tag
+from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.contract import Block, Followers, Room, follow_block
-from orbits.marching.following.in_lanes import IN_STEPS
+from orbits.marching.following.in_lanes import IN_LANES, ONE_BY_ONE
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.watcher import Watcher
@@ -30,11 +30,11 @@ class Follower:
     track : of the caller's thread, see `Room`
     """
 
-    following: ClassVar[Tag] = IN_STEPS
     reads_path: ClassVar[bool] = False
 
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers) -> None:
         self._helpers, members = helpers, range(helpers.members)
+        self.following = IN_LANES if kernel_of(form.tag.type, "width") in (None, WIDTH) else ONE_BY_ONE
         self._own_form: Tag = form.tag  # of the method of a particle's own steps
         self._evaluations = [np.zeros(1, dtype=np.int64) for _ in members]
         shapes = form.scratch_shape(3 * n), (12 * (steps + 1), WIDTH)

@@ -7,7 +7,6 @@ from __future__ import annotations
 from orbits.kernels.binding import Tag
 from orbits.kernels.clocks import step_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH, full, lane, select, unit
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_particles
@@ -21,7 +20,6 @@ from orbits.kernels.steps import (
     Storage,
     begin_pair,
     keep_pair,
-    lanes_of,
     step_pair,
     step_particles,
 )
@@ -31,25 +29,8 @@ GROUP = 2 * WIDTH
 """The particles that are marched in lanes at a time."""
 
 
-@verb
-def march_in_steps(own, form, method, model, clock, block, particles, room, first, last):
-    """March particles in the layout of their method."""
-    if lanes_of(method) == WIDTH:
-        return lambda own, form, method, model, clock, block, particles, room, first, last: march_in_lanes(
-            method, model, clock, block, particles, room, first, last
-        )
-
-    def one_by_one(own, form, method, model, clock, block, particles, room, first, last):
-        evaluations = 0
-        for p in range(first, last, WIDTH):
-            evaluations += march_each(WHOLE, own, method, model, clock, block, particles, room, p, min(p + WIDTH, last))
-        return evaluations
-
-    return one_by_one
-
-
 @kernel(inline=True)
-def march_in_lanes(method, model, clock, block, particles, room, p, stop):
+def march_in_lanes(own, form, method, model, clock, block, particles, room, p, stop):
     """March two groups of eight particles, p ... stop - 1, in lanes, so that their instructions overlap."""
     (_, h), steps, columns, retired = step_of(clock, 0), block.count[0], particles.columns, particles.retired
     track, other = room.track, room.track[room.track.shape[0] // 2 :]
@@ -155,5 +136,11 @@ def take_whole_step(own, method, model, clock, block, particles, room, k, p, par
     return particle, status, count
 
 
-WHOLE = Tag("whole steps of a particle", {"take_step": take_whole_step})
-IN_STEPS = Tag("particles in the steps of bodies", {"march": march_in_steps, "group": GROUP})
+@kernel(inline=True)
+def march_one_by_one(own, form, method, model, clock, block, particles, room, first, last):
+    """March particles one after another, each with its stages in lanes."""
+    return march_each(ONE_BY_ONE, own, method, model, clock, block, particles, room, first, last)
+
+
+IN_LANES = Tag("particles in lanes", {"march": march_in_lanes, "group": GROUP})
+ONE_BY_ONE = Tag("particles one by one", {"march": march_one_by_one, "group": WIDTH, "take_step": take_whole_step})

@@ -12,16 +12,35 @@ from __future__ import annotations
 
 import math
 
+from orbits.kernels.binding import kernel_of
 from orbits.kernels.clocks import step_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_one, record_particle
 from orbits.kernels.state import load_particle, store_particle
 from orbits.kernels.steps import OK
-from orbits.marching.following.contract import resolved
 
-take_through, finish = resolved("take_step"), resolved("finish")
+
+@verb
+def take_through(way, own, method, model, clock, block, particles, room, k, p, particle):
+    """Take particle p through step k of the bodies. Returns (particle, status, evaluations)."""
+    compiled = kernel_of(way, "take_step")
+    return lambda way, own, method, model, clock, block, particles, room, k, p, particle: compiled(
+        own, method, model, clock, block, particles, room, k, p, particle
+    )
+
+
+@verb
+def finish(way, own, method, model, p, steps, particle, status, track):
+    """Finish with a particle in a block."""
+    compiled = kernel_of(way, "finish")
+    if compiled is None:
+        return lambda way, own, method, model, p, steps, particle, status, track: None
+    return lambda way, own, method, model, p, steps, particle, status, track: compiled(
+        own, method, model, p, steps, particle, status, track
+    )
 
 
 @kernel(inline=True)

@@ -292,8 +292,8 @@ def begin_stepping(own, steps):
 
 
 @kernel(inline=True)
-def _begin(own, method, model, clock, block, steps):
-    begin_stepping(own, steps)
+def _begin(own, clock, block):
+    begin_stepping(own, block.count[0])
 
 
 @kernel(inline=True)

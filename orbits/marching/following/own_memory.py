@@ -9,7 +9,6 @@ import numpy as np
 from orbits.integrators.canonical.bodies import CanonicalBodies
 from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.forms import Array, Form, padded
-from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.bodies_between import PLACES, Field, chart
 from orbits.marching.following.contract import Block, Room
@@ -68,11 +67,11 @@ class ByOwnSteps(Follower):
     coefficients : of a step of the method; the other arguments are those of `Follower`
     """
 
-    following: ClassVar[Tag] = BY_OWN_STEPS
     reads_path: ClassVar[bool] = True
 
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, coefficients: Array) -> None:
         super().__init__(form, n, steps, helpers)
+        self.following = BY_OWN_STEPS
         self._memories = [OwnMemory(form, coefficients, n, steps) for _ in range(helpers.members)]
 
     def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:

@@ -212,11 +212,12 @@ def _keep_memory(walk, is_away, own):
 
 
 @kernel
-def _begin(own, method, model, clock, block, steps):
+def _begin(own, clock, block):
     """Learn how far the planets come in a block, and write the times of their steps as a clock that chooses them would;
     see `orbits.marching.following.bodies_between.length_of`.
     """
-    (begun, h), times, reached = step_of(clock, 0), own.stepping.field.times, own.bodies.reached
+    (begun, h), steps = step_of(clock, 0), block.count[0]
+    times, reached = own.stepping.field.times, own.bodies.reached
     for k in range(steps + 1):
         times[k], times[2 * (reached.shape[0] + 1) + k] = k * h, step_of(clock, k)[0]
     for k in range(steps):
@@ -250,7 +251,7 @@ def _march(own, form, method, model, clock, block, particles, room, first, last)
         if retired[p, 0] == OK and memory[p, 0, NUMBER] == ELSEWHERE:
             retired[p, 0] = SKIPPED
     blind = Room(room.scratch, room.track, 0, 0, room.evaluations)
-    evaluations = march_in_lanes(method, model, clock, block, particles, blind, first, last)
+    evaluations = march_in_lanes(None, form, method, model, clock, block, particles, blind, first, last)
     for begin in range(first, last, WIDTH):
         end = min(begin + WIDTH, last)
         track = room.track[: 6 * (steps + 1)] if begin == first else room.track[room.track.shape[0] // 2 :]
