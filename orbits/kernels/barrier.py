@@ -48,18 +48,18 @@ _YIELD = "SwitchToThread" if sys.platform == "win32" else "sched_yield"
 
 
 @intrinsic
-def _add(typingctx, counters, place):
-    """Add one to a counter; return its previous value."""
+def add(typingctx, counters, place, number):
+    """Add a number to a counter; return its previous value."""
 
     def codegen(context, builder, sig, args):
-        pointer = _pointer(context, builder, sig, args)
-        return builder.atomic_rmw("add", pointer, ir.Constant(ir.IntType(64), 1), "seq_cst")
+        number = context.cast(builder, args[2], sig.args[2], types.int64)
+        return builder.atomic_rmw("add", _pointer(context, builder, sig, args), number, "seq_cst")
 
-    return types.int64(counters, place), codegen
+    return types.int64(counters, place, number), codegen
 
 
 @intrinsic
-def _read(typingctx, counters, place):
+def read(typingctx, counters, place):
     """Return the current value of a counter."""
 
     def codegen(context, builder, sig, args):
@@ -69,7 +69,19 @@ def _read(typingctx, counters, place):
 
 
 @intrinsic
-def _give_way(typingctx):
+def write(typingctx, counters, place, number):
+    """Set a counter."""
+
+    def codegen(context, builder, sig, args):
+        number = context.cast(builder, args[2], sig.args[2], types.int64)
+        builder.store_atomic(number, _pointer(context, builder, sig, args), "seq_cst", 8)
+        return context.get_dummy_value()
+
+    return types.void(counters, place, number), codegen
+
+
+@intrinsic
+def give_way(typingctx):
     """Yield the processor to another thread or program."""
 
     def codegen(context, builder, sig, args):
@@ -88,12 +100,12 @@ def _pointer(context, builder, sig, args):
 @kernel
 def meet(counters, threads, meeting):
     """Wait until all threads have arrived at a meeting; the first meeting has number 1."""
-    _add(counters, ARRIVED)
+    add(counters, ARRIVED, 1)
     looks = 0
-    while _read(counters, ARRIVED) < threads * meeting and _read(counters, ABANDONED) == 0:
+    while read(counters, ARRIVED) < threads * meeting and read(counters, ABANDONED) == 0:
         looks += 1
         if looks > SPINS:
-            _give_way()
+            give_way()
 
 
 @kernel
@@ -103,7 +115,7 @@ def claim(counters, threads, round_, count):
     Each thread must receive `count` exactly once before it goes to a meeting; rounds are numbered from 0 and have equal
     sizes.
     """
-    piece = _add(counters, CLAIMED) - round_ * (count + threads)
+    piece = add(counters, CLAIMED, 1) - round_ * (count + threads)
     return piece if 0 <= piece < count else count
 
 

@@ -14,7 +14,7 @@ from orbits.kernels.lanes import WIDTH, load, store
 from orbits.kernels.steps import Method, Model
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Place
-from orbits.marching.following.bodies_between import PLACES, Field, chart, place_bodies
+from orbits.marching.following.bodies_between import PLACES, chart, place_bodies
 from orbits.marching.following.own_clocks import proposed
 from orbits.propagation.marchers import bound
 from orbits.tableaux import gauss
@@ -106,22 +106,22 @@ def test_bodies_between_their_steps_are_where_partial_steps_lead():
     march.advance(12)
     loops, begun = march.stepper.loops, march.stepper.state["clock"].copy()
     path, kicks = loops._record
-    mine = loops._own_clocks[0]
+    mine = loops._follower._memories[0].stepping(begun, (loops.times, loops._stages, path, kicks), path, (0, 0))
     off = {"known": 0.0, "first": 0.0}
     for k in (3, 7, 11):
         for name in off:
-            mine.field[2][:] = False
-            table = mine.field[0].copy()
+            mine.field.known[:] = False
+            table = mine.field.chart.copy()
             if name == "first":  # nothing is learnt from other points: the modes of the stages alone
                 table[9:41] = 0.0
                 table[9:25:2] = table[1:9]
-            field = Field(0.0, loops.times, loops._stages, path, kicks, table, *mine.field[1:])
+            field = mine.field._replace(chart=table)
             h = loops.times[k + 1] - loops.times[k]
             placed(march.stepper.form.tag, mine.table, newtonian.tag, parameters(gm[:3]), field, k, THETA)
             for i, theta in enumerate(THETA):
                 again = bound(start, "gauss", orbits.Adaptive(1e-8), 1)
                 expected, _ = again_at(again, k, theta * h)
-                high = mine.field[3][PLACES : PLACES + 9, i].reshape(3, 3).T
+                high = field.room[PLACES : PLACES + 9, i].reshape(3, 3).T
                 off[name] = max(off[name], np.abs(high - expected[:3]).max())
     assert begun[0] == march.time
     assert off["known"] < 1e-14

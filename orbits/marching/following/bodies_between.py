@@ -75,15 +75,13 @@ def chart(tableau: SymplecticTableau) -> Array:
 class Field(NamedTuple):
     """The steps that the massive bodies have taken in a block, in which particles follow.
 
-    origin, times : the time at which the block began, and the workspace of its clock: first the times since then at
-        which its steps begin and the last ends
+    times : the workspace of its clock: first the times since the block began at which its steps begin and the last ends
     stages : (steps, rows, 8), with low parts; path : flat, q and v at the beginning of each step, each padded
     kicks : (steps, rows, 8), the carry after each step
     chart : see `chart`; modes : (steps, 3n, 16), those of the steps that are `known`, (steps,) bool
     room : (MODES + rows of stages + 3 padded, 8), workspace; from row `PLACES` on it has what `place_bodies` writes
     """
 
-    origin: Any
     times: Any
     stages: Any
     path: Any

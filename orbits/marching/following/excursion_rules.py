@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +12,22 @@ from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
 from orbits.integrators.maps.on_kepler_orbits import in_order
+from orbits.kernels.clocks import FIRST, LENGTH
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.state import Columns
 from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.clocks.adaptive import Adaptive
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.following.alone_in_map import Lone
+from orbits.marching.following.contract import Block, Room
+from orbits.marching.following.follower import Follower
+from orbits.marching.following.in_lanes import GROUP
 from orbits.marching.following.own_clocks import COLUMNS
-from orbits.marching.following.own_memory import OwnClocks
-from orbits.marching.following.particle_excursions import GROUP, MORE_ROWS, march_handing_over
+from orbits.marching.following.own_memory import ByOwnSteps, OwnMemory
+from orbits.marching.following.particle_excursions import EXCURSIONS, MORE_ROWS, Excursions, FieldOfPlanets
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_of_bodies
+from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.kepler_passages import near_planets
 from orbits.marching.watching.watcher import Watcher
 
@@ -30,7 +38,7 @@ METHOD = Gauss(stages=8)
 class OwnSteps(NamedTuple):
     """The passages of massless particles that a map leaves to steps of their own.
 
-    near : (2, n), see `orbits.kernels.search.encounters_of_particles.Rules`; limits : (3,), see `march_handing_over`
+    near : (2, n), see `orbits.kernels.search.encounters_of_particles.Rules`; limits : (3,), see `Excursions`
     form : that of their own steps; radii : (n,), of the bodies, or None
     """
 
@@ -56,54 +64,74 @@ class OwnSteps(NamedTuple):
         return cls(near_planets(gm, dominant), limits, form, radii)
 
 
-class HandOver:
-    """The memory of the tasks that march particles which may leave the map.
+class WithExcursions(Follower):
+    """Massless particles that leave a map for steps of their own where it cannot follow them; see
+    `orbits.marching.following.particle_excursions`.
 
-    form : of the map; n : the number of massive bodies; steps : the most in a block; tasks : their number
+    form : of the map; followed : the passages; the other arguments are those of `Follower`
     """
 
-    def __init__(self, form: Form, followed: OwnSteps, n: int, steps: int, tasks: int) -> None:
-        self._followed = followed
-        self._numbers = Adaptive().numbers_for(METHOD)
-        self._tasks = [_Task(form, followed.form, n, steps) for _ in range(tasks)]
-        self._now: tuple[Any, ...] = ()
+    reads_path: ClassVar[bool] = True
 
-    def prepare(
-        self,
-        state: dict[str, Array],
-        path: Array,
-        carries: Array,
-        bound: tuple[Any, ...],
-        begun: Array,
-        watcher: Watcher | None,
-        count: int,
-    ) -> None:
-        """Prepare for a block of `count` steps that the planets have just taken, recorded in `path` and `carries`.
+    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, followed: OwnSteps, parameters: Any) -> None:
+        super().__init__(form, n, steps, helpers)
+        self.following = EXCURSIONS
+        self._followed, self._own_form = followed, followed.form.tag
+        # Written anew for each block, in which the bodies may be in another order.
+        self._coefficients = np.array(coefficients_of(followed.form, 1.0))
+        self._parameters = _ordered(parameters, np.arange(n))
+        self._memories = [_Memory(form, followed.form, n, steps) for _ in range(helpers.members)]
 
-        bound : the first arguments of `march_handing_over`; begun : the carry of the planets before the block
-        """
-        width, numbers = len(state["q"]), bound[5]
-        path[2 * count * width : 2 * count * width + width] = state["q"]
-        path[2 * count * width + width : 2 * (count + 1) * width] = state["v"]
-        h, order = float(numbers[2]), in_order(begun, len(self._followed.near[0]))
-        for task in self._tasks:
-            task.own.order[:] = order
-        own = coefficients_of(self._followed.form, h), _ordered(bound[3], order)
-        self._now = begun, carries, path, own
+    @staticmethod
+    def memory_rows(form: Form) -> int:
+        """Return the number of rows of eight that each particle keeps from block to block."""
+        return form.particle_carry_rows + MORE_ROWS
+
+    def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
+        h, order = float(block.numbers[LENGTH]), in_order(block.begun, len(self._followed.near[0]))
+        self._coefficients[...] = coefficients_of(self._followed.form, h)
+        now = _ordered(block.parameters, order)
+        for mine, values in zip(*map(_as_tuple, (self._parameters, now)), strict=True):
+            mine[...] = values
+        for memory in self._memories:
+            memory.own.order[:] = order
         if watcher is not None:
-            arrays = [task.own.arrays for task in self._tasks]
-            watcher.follow_own_steps(arrays, (round(numbers[1]), h), self._followed.radii)
+            arrays = [memory.own.arrays for memory in self._memories]
+            watcher.follow_own_steps(arrays, (round(block.numbers[FIRST]), h), self._followed.radii)
 
-    def march(self, block: tuple[Any, ...], task: int, context: int) -> int:
-        """March the particles of a task; block : the arguments of `march_particles`; context : of their own steps."""
-        mine, (begun, carries, path, bodies_in_order) = self._tasks[task], self._now
-        near, limits, form, _ = self._followed
-        chart, *field = mine.own.field
-        bodies = begun, carries, path, near, mine.extent, limits
-        steps = self._numbers, mine.times, *mine.steps
-        own = form.tag, mine.own.table, *bodies_in_order, *steps, chart, *field, *mine.own.shared
-        log = mine.reached, context, *mine.own.log
-        return int(march_handing_over(*block, *bodies, *mine.of_map, *own, *mine.ways, *log))
+    def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, Excursions]:
+        room, memory = self._room(member, watcher), self._memories[member]
+        context = 0 if watcher is None else watcher.own_steps.addresses[member]
+        stepping = memory.own.stepping(memory.numbers, memory.steps, block.path, (room.observer, context))
+        bodies = FieldOfPlanets(self._parameters, self._coefficients, *memory.of_bodies)
+        near, limits, _, _ = self._followed
+        return room, Excursions(near, memory.extent, limits, memory.kept, memory.lone, bodies, stepping)
+
+
+def follower_of(
+    clock: Clock,
+    form: Form,
+    n: int,
+    steps: int,
+    helpers: Helpers,
+    coefficients: Array,
+    parameters: Any,
+    followed: OwnSteps | None,
+) -> Follower:
+    """Return what marches the massless particles of a march.
+
+    clock : of the march; coefficients : of a step of the method; parameters : of what acts on the bodies
+    followed : the passages that a map leaves to steps of their own, or None; the others are those of `Follower`
+    """
+    if followed is not None:
+        return WithExcursions(form, n, steps, helpers, followed, parameters)
+    if clock.changes:
+        return ByOwnSteps(form, n, steps, helpers, coefficients)
+    return Follower(form, n, steps, helpers)
+
+
+def _as_tuple(parameters: Any) -> tuple[Any, ...]:
+    return parameters if isinstance(parameters, tuple) else (parameters,)
 
 
 def _ordered(parameters: Any, order: NDArray[np.int64]) -> Any:
@@ -116,20 +144,19 @@ def _ordered(parameters: Any, order: NDArray[np.int64]) -> Any:
     return strength, *(np.append(place[int(own[0])], own[1:]) for own in terms)
 
 
-class _Task:
-    """The memory of a task; see `march_handing_over`."""
+class _Memory:
+    """The memory of a thread; see `Excursions`."""
 
     def __init__(self, form: Form, own: Collocation | CanonicalBodies, n: int, steps: int) -> None:
         size, rows = 3 * n, own.stages_shape(3 * n)
-        tables, carry, memory = form.stages_shape(size), form.carry_rows(size), form.particle_carry_rows
-        kept, mine, table, columns, room, bodies, planets, scratch, stages, kicks, ways, ordered = aligned(
-            (GROUP, memory + MORE_ROWS, WIDTH),
-            (1, memory, WIDTH),
-            tables,
+        self.kept, mine, tables, columns, room, state, planets, scratch, stages, kicks, carry, ordered = aligned(
+            (GROUP, WithExcursions.memory_rows(form), WIDTH),
+            (1, form.particle_carry_rows, WIDTH),
+            form.stages_shape(size),
             (4, 3, 2 * WIDTH),
             (2 * WIDTH, WIDTH),
             (4, padded(size)),
-            (carry, WIDTH),
+            (form.carry_rows(size), WIDTH),
             own.scratch_shape(size),
             (steps, *rows),
             (steps, own.carry_rows(size), WIDTH),
@@ -137,12 +164,10 @@ class _Task:
             (4, padded(size)),
         )
         none = np.zeros((2 * WIDTH, 2), dtype=np.int64)
-        self.extent = np.zeros((3, n))
-        self.of_map = kept, mine, table, columns, none, room, bodies, planets
-        self.own = OwnClocks(own, coefficients_of(own, 1.0), n, steps)
-        path = np.zeros(2 * (steps + 1) * padded(size))
+        self.lone = Lone(mine, tables, Columns(*columns), none, room, state, planets)
+        self.extent, self.numbers = np.zeros((3, n)), Adaptive().numbers_for(METHOD)
+        self.own = OwnMemory(own, coefficients_of(own, 1.0), n, steps)
         # As the workspace of a clock whose steps differ: see `orbits.marching.following.bodies_between.length_of`.
-        self.times = np.zeros(3 * (steps + 1) + 1 + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
-        self.steps = scratch, stages, path, kicks
-        self.ways = ways, np.zeros(COLUMNS), ordered
-        self.reached = np.zeros(steps, dtype=np.bool_)
+        times = np.zeros(3 * (steps + 1) + 1 + 2 * stages.shape[1] + WIDTH * kicks.shape[1])
+        self.steps = times, stages, np.zeros(2 * (steps + 1) * padded(size)), kicks
+        self.of_bodies = scratch, carry, np.zeros(COLUMNS), np.zeros(steps, dtype=np.bool_), ordered

@@ -19,20 +19,15 @@ from typing import Any, NamedTuple
 from orbits.integrators.canonical.room import padded_length
 from orbits.integrators.collocation.lengths import CANCELLED
 from orbits.integrators.collocation.rows import LAST, NODES, WEIGHTS
-from orbits.kernels.binding import bodies, gross_field, rate_at
-from orbits.kernels.clocks import Clock
+from orbits.kernels.binding import Tag, bodies, gross_field, rate_at
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
 from orbits.kernels.search.context import watch_at
-from orbits.kernels.search.observers import call_observer
-from orbits.kernels.search.paths import record_one, record_particle
-from orbits.kernels.state import Columns, load_particle, store_particle
 from orbits.kernels.steps import (
     NOT_FINITE,
     OK,
     TOO_SHORT,
     Method,
-    Model,
     Share,
     Storage,
     end_late,
@@ -52,16 +47,16 @@ from orbits.marching.clocks.adaptive import (
     root,
 )
 from orbits.marching.clocks.variable_steps import FARTHEST, ORIGIN
-from orbits.marching.following.bodies_between import PLACES, Field, length_of, place_bodies, time_of
+from orbits.marching.following.bodies_between import PLACES, length_of, place_bodies, time_of
+from orbits.marching.following.one_by_one import march_each
 from orbits.marching.following.own_steps_log import (
     ENTRIES,
     FEW,
     WANTED,
-    Log,
     begin_log,
     finish_log,
-    finish_log_of_lost,
     log_state,
+    report_log,
 )
 
 BEFORE, NEXT, REACHED = 0, 1, 2
@@ -106,6 +101,22 @@ class Shared(NamedTuple):
     coefficients: Any
     before: Any
     ends: Any
+
+
+class OwnStepping(NamedTuple):
+    """What a thread needs for steps that particles take by themselves.
+
+    table : the coefficients of a step of a particle, written for each
+    numbers : the state of a clock that chooses steps (see `orbits.marching.clocks.adaptive`), of which the tolerance,
+        the power and the time at which the block began are read
+    field, shared, log : see these
+    """
+
+    table: Any
+    numbers: Any
+    field: Any
+    shared: Any
+    log: Any
 
 
 ABSENT, TINY = 1e150, 1e-300
@@ -155,11 +166,11 @@ def narrowest(n, ends, scratch, reaches):
 
 
 @kernel(inline=True)
-def judged(method, model, clock, h, storage, ends, reaches):
+def judged(method, model, numbers, h, storage, ends, reaches):
     """Return the factor by which the next step may be longer than the one of h just taken, or by which it must be
     repeated (see `orbits.marching.clocks.adaptive`), and whether a body is near.
     """
-    table, tolerance, power = method.coefficients[0], clock.numbers[TOLERANCE], clock.numbers[POWER]
+    table, tolerance, power = method.coefficients[0], numbers[TOLERANCE], numbers[POWER]
     last, weights = load(table, LAST), load(table, WEIGHTS)
     inverse = select(weights > 0.0, 1.0 / weights, full(0.0))
     x, y, z = load(storage.carry, 0), load(storage.carry, 1), load(storage.carry, 2)
@@ -192,14 +203,16 @@ def proposed(h, factor, nodes, rates, stages):
 
 
 @kernel(inline=True)
-def follow(method, model, clock, field, shared, k, p, particle, own, storage, log):
+def follow(method, model, stepping, k, p, particle, own, storage):
     """Take particle p through step k of the bodies.
 
-    shared : the tables of whole steps; own : (4,), its clock; storage : with its L as the carry, and scratch
-    log : receives its state at the beginning and, if it takes several steps in an encounter, after each of them
+    method : with the table of `stepping`, an `OwnStepping`, whose log receives its state at the beginning and, if it
+        takes several steps in an encounter, after each of them
+    own : (4,), its clock; storage : with its L as the carry, and scratch
     Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
     """
-    H, origin, begun = length_of(field, k), field.origin + field.times[k], time_of(field, k)
+    field, shared, log, numbers = stepping.field, stepping.shared, stepping.log, stepping.numbers
+    since, H, begun = numbers[ORIGIN] + field.times[k], length_of(field, k), time_of(field, k)
     table, carry, scratch, share = method.coefficients[0], storage.carry, storage.scratch, storage.share
     nodes, stages = load(table, NODES), 0
     while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
@@ -219,7 +232,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             parts = max(math.ceil(abs(left) / (STRETCH * proposal)), 1.0)
             h = left if parts == 1.0 else (done + left / parts) - done  # the lengths add up to H
             whole = done == 0.0 and parts == 1.0
-            if not whole and not abs(h) > SHORTEST * abs(origin + done):
+            if not whole and not abs(h) > SHORTEST * abs(since + done):
                 break
             before = own[BEFORE] if own[BEFORE] != 0.0 else h
             if whole:
@@ -243,7 +256,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             evaluations += count
             factor = 0.5 / CAUTION
             if status == OK:
-                factor, near = judged(method, model, clock, h, now, ends, reaches)
+                factor, near = judged(method, model, numbers, h, now, ends, reaches)
                 if factor >= REFUSED:
                     particle, taken = after, True
                     proposal = proposed(h, factor, table[NODES], scratch[RATES], stages)
@@ -255,7 +268,7 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             store(carry, 1, y_kept)
             store(carry, 2, z_kept)
         if not taken:
-            own[REACHED] = origin + done
+            own[REACHED] = since + done
             return particle, NOT_FINITE if status == NOT_FINITE else TOO_SHORT, evaluations
         steps += 1
         if parts == 1.0:
@@ -266,66 +279,46 @@ def follow(method, model, clock, field, shared, k, p, particle, own, storage, lo
             return particle, OK, evaluations
         done += h
         log_state(method, model, field, log, p, k, done / H, particle)
-    own[REACHED] = origin + done
+    own[REACHED] = since + done
     return particle, TOO_SHORT, evaluations
 
 
-@kernel
-def march_own_clocks(
-    form, coefficients, tag, parameters, timing, numbers, times, q, q_lo, v, v_lo, carry, clocks, scratch, stages,
-    retired, path, kicks, chart, modes, known, room, tables, before, ends, steps, start, stop, observer, context, track,
-    own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen
-):  # fmt: skip
-    """March massless particles start ... stop - 1 through `steps` steps of massive bodies, each by a clock of its own.
-
-    coefficients, scratch, modes, known, room, tables, before, ends : of this task alone; see `Field` and `Shared`
-    q, q_lo, v, v_lo : (3, padded); carry : (particles, 3, 8); clocks : (particles, 4), see `BEFORE`
-    retired : (padded, 2) int64, see `orbits.marching.stepping.driver.march_particles`
-    times, stages, path, kicks, chart : see `Field`
-    observer, context, track : see `orbits.kernels.search.observers`; own_context and what follows : see `Log`
-
-    Returns the number of evaluations.
-    """
-    method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
-    clock, shared = Clock(timing, numbers, times), Shared(tables, before, ends)
-    field = Field(numbers[ORIGIN], times, stages, path, kicks, chart, modes, known, room)
-    log = Log(observer, own_context, counts, at, own_times, own_path, own_track, found, order, reaches, seen, path)
-    evaluations = 0
-    begin_log(log, steps)
+@kernel(inline=True)
+def begin_stepping(own, steps):
+    """Prepare for a block of `steps` steps of the bodies."""
+    begin_log(own.log, steps)
     for k in range(steps):
-        known[k], before[k] = False, 0.0
-    for p in range(start, stop):
-        lane, done, particle = p % WIDTH, 0, load_particle(columns, p)
-        if retired[p, 0] != OK:
-            for k in range(steps + 1):
-                record_one(track, k, lane, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
-        else:
-            storage = Storage(carry[p], scratch, stages[0], Share(p, p + 1, None))
-            while done < steps:
-                record_particle(track, done, lane, particle)
-                particle, status, count = follow(
-                    method, model, clock, field, shared, done, p, particle, clocks[p], storage, log
-                )
-                evaluations += count
-                if status != OK:
-                    retired[p, 0], retired[p, 1] = status, done
-                    break
-                done += 1
-            for k in range(done, steps + 1):
-                record_particle(track, k, lane, particle)
-            if done == steps:
-                finish_log(method, model, field, log, p, steps, particle, track)
-            else:
-                finish_log_of_lost(method, model, field, log, p, steps, track)
-            store_particle(columns, p, particle)
-        if lane == WIDTH - 1 or p == stop - 1:
-            call_observer(observer, context, track, times[1] - times[0], steps, p - lane, stop)
-            if context != 0:
-                watch, group = watch_at(context), (p - lane) // WIDTH
-                watch.hits[group] = min(watch.hits[group], found[0])
-                if watch.collide != 0:
-                    for k in range(p - lane, p + 1):
-                        if watch.touched_own[k] != 0:
-                            watch.touched[k] = min(watch.touched[k], watch.touched_own[k])
-            found[0] = steps + 1
+        own.field.known[k], own.shared.before[k] = False, 0.0
+
+
+@kernel(inline=True)
+def _begin(own, clock, block):
+    begin_stepping(own, block.count[0])
+
+
+@kernel(inline=True)
+def _march(own, form, method, model, clock, block, particles, room, first, last):
+    evaluations = march_each(BY_OWN_STEPS, own, method, model, clock, block, particles, room, first, last)
+    report_log(own.log, block.count[0], first, last)
     return evaluations
+
+
+@kernel(inline=True)
+def _take_step(own, method, model, clock, block, particles, room, k, p, particle):
+    storage = Storage(particles.memory[p], room.scratch, block.stages[0], Share(p, p + 1, None))
+    return follow(Method(method.tag, own.table), model, own, k, p, particle, particles.clocks[p], storage)
+
+
+@kernel(inline=True)
+def _finish(own, method, model, p, steps, particle, status, track):
+    """Look at a particle that came close to a body, or may have hit one on the way to where it was lost."""
+    seen = own.log.counts[WANTED] != 0
+    if status != OK and own.log.context != 0:
+        seen = watch_at(own.log.context).collide != 0
+    finish_log(method, model, own.field, own.log, p, steps, particle, status, seen, track)
+
+
+BY_OWN_STEPS = Tag(
+    "particles by steps of their own",
+    {"begin": _begin, "march": _march, "group": WIDTH, "take_step": _take_step, "finish": _finish},
+)

@@ -2,41 +2,85 @@
 
 from __future__ import annotations
 
+from typing import Any, ClassVar
+
 import numpy as np
 
 from orbits.integrators.canonical.bodies import CanonicalBodies
 from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.lanes import WIDTH
-from orbits.marching.following.bodies_between import PLACES, chart
-from orbits.marching.following.own_clocks import ABSENT
-from orbits.marching.following.own_steps_log import BESIDES
+from orbits.marching.following.bodies_between import PLACES, Field, chart
+from orbits.marching.following.contract import Block, Room
+from orbits.marching.following.follower import Follower
+from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, OwnStepping, Shared
+from orbits.marching.following.own_steps_log import BESIDES, Log
 from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.pool import Helpers
+from orbits.marching.watching.watcher import Watcher
 
 
-class OwnClocks:
-    """The memory of a task that marches particles with clocks of their own; see `march_own_clocks`.
+class OwnMemory:
+    """The memory of a thread that marches particles with steps of their own.
 
-    table : the coefficients of a step of a particle; field, shared : the arrays of a `Field` and of a `Shared` that
-        belong to the task
-    log, arrays : the arrays of a `Log`, and those of its context; order : of the bodies, one of them
+    form, coefficients : of these steps; n : the number of massive bodies; steps : the most of these in a block
+
+    arrays : those of a context for observers of these steps; order : of the bodies in the field, (n,) int64
     """
 
     def __init__(self, form: Form, coefficients: Array, n: int, steps: int) -> None:
+        assert isinstance(form, Collocation | CanonicalBodies)
         entries, rows, stride = steps + BESIDES, form.stages_shape(3 * n)[0], padded(3 * n)
-        self.table, modes, room, shared = aligned(
+        self._table, modes, room, shared = aligned(
             coefficients.shape,
             (steps, 3 * n, 2 * WIDTH),
             (PLACES + rows + 3 * stride, WIDTH),
             (steps, *coefficients.shape[1:]),
         )
-        self.table[...], shared[...] = coefficients, coefficients
-        self.shared = shared, np.zeros(steps), np.full((steps + 1, 6, padded(n)), ABSENT)
-        assert isinstance(form, Collocation | CanonicalBodies)
-        self.field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
+        self._table[...], shared[...] = coefficients, coefficients
+        self._shared = Shared(shared, np.zeros(steps), np.full((steps + 1, 6, padded(n)), ABSENT))
+        self._field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room
         path, times, track = np.zeros(2 * entries * stride), np.zeros(entries), np.full((6 * entries, WIDTH), np.nan)
         self.arrays = {"path": path, "times": times}
-        counts, found = np.zeros(2, dtype=np.int64), np.zeros(1, dtype=np.int64)
         self.order = np.arange(n)
+        counts, found = np.zeros(2, dtype=np.int64), np.zeros(1, dtype=np.int64)
         seen = self.order, np.zeros(padded(n)), np.zeros((2, stride))
-        self.log = counts, np.zeros((entries, 2)), times, path, track, found, *seen
+        self._log = counts, np.zeros((entries, 2)), times, path, track, found, *seen
+
+    def stepping(
+        self, numbers: Array, steps: tuple[Any, Any, Any, Any], seen: Array, watched: tuple[int, int]
+    ) -> OwnStepping:
+        """Return what the kernels need.
+
+        numbers : see `OwnStepping`; steps : times, stages, path and kicks of the bodies, see `Field`
+        seen : the path of the bodies as observers see it; watched : the observer, and the context of own steps
+        """
+        return OwnStepping(
+            self._table, numbers, Field(*steps, *self._field), self._shared, Log(*watched, *self._log, seen)
+        )
+
+
+class ByOwnSteps(Follower):
+    """Massless particles with clocks of their own, among massive bodies whose steps are chosen one by one; see
+    `orbits.marching.following.own_clocks`.
+
+    coefficients : of a step of the method; the other arguments are those of `Follower`
+    """
+
+    reads_path: ClassVar[bool] = True
+
+    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, coefficients: Array) -> None:
+        super().__init__(form, n, steps, helpers)
+        self.following = BY_OWN_STEPS
+        self._memories = [OwnMemory(form, coefficients, n, steps) for _ in range(helpers.members)]
+
+    def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
+        if watcher is not None:
+            watcher.follow_own_steps([memory.arrays for memory in self._memories])
+
+    def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, OwnStepping]:
+        room = self._room(member, watcher)
+        context = 0 if watcher is None else watcher.own_steps.addresses[member]
+        steps = block.times, block.stages, block.path, block.carries
+        own = self._memories[member].stepping(block.numbers, steps, block.path, (room.observer, context))
+        return room, own

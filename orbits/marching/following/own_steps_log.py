@@ -7,7 +7,6 @@ computed for the same times, and the observers are called for this particle alon
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 from orbits.integrators.canonical.room import padded_length
@@ -16,8 +15,10 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.context import watch_at
 from orbits.kernels.search.observers import call_observer
-from orbits.kernels.search.paths import record_one, record_particle
+from orbits.kernels.search.paths import record_particle
+from orbits.kernels.steps import OK
 from orbits.marching.following.bodies_between import length_of, state_between
+from orbits.marching.following.one_by_one import hide
 
 FEW = 4
 """The number of steps within one of the bodies from which on they are logged for the pericentre they may contain."""
@@ -123,31 +124,28 @@ def look(method, model, field, log, p):
 
 
 @kernel(inline=True)
-def hide(log, p, steps, track):
-    """Write NaN for a particle, at which nobody needs to look any more, into the tracks of its log and of a block."""
-    for row in range(log.track.shape[0] // 6):
-        record_one(log.track, row, p % WIDTH, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
-    for k in range(steps + 1):
-        record_one(track, k, p % WIDTH, math.nan, math.nan, math.nan, math.nan, math.nan, math.nan)
-
-
-@kernel(inline=True)
-def finish_log(method, model, field, log, p, steps, particle, track):
-    """Look at a particle at the end of a block, if that is worth it, and hide it from those who look at `track`."""
-    if log.context == 0:
-        return
-    if log.counts[WANTED] != 0:
-        log_state(method, model, field, log, p, steps, 0.0, particle)
-        look(method, model, field, log, p)
-        hide(log, p, steps, track)
-    log.counts[ENTRIES], log.counts[WANTED] = 0, 0
-
-
-@kernel(inline=True)
-def finish_log_of_lost(method, model, field, log, p, steps, track):
-    """Look whether a particle that could not be stepped to the end of a block hit a body on its way."""
-    if log.context != 0 and watch_at(log.context).collide != 0:
+def finish_log(method, model, field, log, p, steps, particle, status, seen, track):
+    """Look at a particle at the end of a block, or where it was lost, if it is to be `seen`, and hide it from those who
+    look at `track`.
+    """
+    if log.context != 0 and seen:
+        if status == OK:
+            log_state(method, model, field, log, p, steps, 0.0, particle)
         if log.counts[ENTRIES] > 1:
             look(method, model, field, log, p)
-        hide(log, p, steps, track)
+        hide(log.track, p, log.track.shape[0] // 6 - 1)
+        hide(track, p, steps)
     log.counts[ENTRIES], log.counts[WANTED] = 0, 0
+
+
+@kernel(inline=True)
+def report_log(log, steps, first, last):
+    """Report what was found of particles first ... last - 1, one group, besides what their observer found."""
+    if log.context != 0:
+        watch, group = watch_at(log.context), first // WIDTH
+        watch.hits[group] = min(watch.hits[group], log.found[0])
+        if watch.collide != 0:
+            for p in range(first, last):
+                if watch.touched_own[p] != 0:
+                    watch.touched[p] = min(watch.touched[p], watch.touched_own[p])
+    log.found[0] = steps + 1

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import Future, wait
 from typing import Any
 
 import numpy as np
@@ -12,18 +10,18 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.state import Columns
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks import variable_steps
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps
-from orbits.marching.following.excursion_rules import HandOver, OwnSteps
-from orbits.marching.following.own_clocks import COLUMNS, march_own_clocks
-from orbits.marching.following.own_memory import OwnClocks
-from orbits.marching.following.particle_excursions import MORE_ROWS
+from orbits.marching.following.contract import Block, Followers
+from orbits.marching.following.excursion_rules import OwnSteps, follower_of
+from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.stepping import driver
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.parallel import Parallel, shares
-from orbits.marching.stepping.pool import Pool
+from orbits.marching.stepping.pool import Helpers, Pool
 from orbits.marching.watching.watcher import Watcher
 
 STAGES_BYTES = 512 * 1024
@@ -77,8 +75,19 @@ class BoundLoops:
         if m:
             room = STAGES_BYTES // (8 * form.stages_read(3 * n) + 48 * WIDTH)
         self.steps = max(least, min(room, BLOCK_WORK // (max(m, n) * n)))
-        self.tasks = shares(m, threads)
-        vector, columns, scratch = (padded(3 * n),), (3, padded(m)), form.scratch_shape(3 * n)
+        self._n, self._shares = n, shares(m, threads)
+        many = Parallel.serves(form, tag, n)
+        others = max(min(threads, len(self._shares)) - 1, 0)
+        workers = threads if many and threads > 1 else others
+        self._pool = Pool(workers, own=int(not many)) if workers else None
+        self.parallel = Parallel(n, threads, self._pool) if many else None
+        self._helpers = Helpers(self._pool, others, lingers=not many)
+        self._follower = None
+        if m:
+            of_bodies = form, n, self.steps, self._helpers
+            self._follower = follower_of(clock, *of_bodies, self._usual, vectors, followed)
+        vector, columns = (padded(3 * n),), (3, padded(m))
+        rows = 0 if self._follower is None else self._follower.memory_rows(form)
         shapes: dict[str, tuple[int, ...]] = {
             "q": vector,
             "q_lo": vector,
@@ -89,43 +98,35 @@ class BoundLoops:
             "particle_q_lo": columns,
             "particle_v": columns,
             "particle_v_lo": columns,
-            "particle_memory": (m, form.particle_carry_rows + (MORE_ROWS if followed else 0), WIDTH),
+            "particle_memory": (m, rows, WIDTH),
         }
-        own = bool(m) and clock.changes
-        if own:
+        if m and clock.changes:
             shapes["particle_clock"] = (m, COLUMNS)
         self._stages, self._scratch, *arrays = aligned(
-            (self.steps if m else 1, *shape), scratch, *shapes.values(), *(scratch for _ in self.tasks)
+            (self.steps if m else 1, *shape), form.scratch_shape(3 * n), *shapes.values()
         )
-        self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=False))
-        self._task_scratch = arrays[len(shapes) :]
-        rows = 12 * (self.steps + 1) if m else 0
-        self.tracks = aligned(*[(rows, WIDTH)] * max(1, len(self.tasks)))
+        self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=True))
         changed = ("q", "q_lo", "v", "v_lo", "memory")
         self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
-        many = Parallel.serves(form, tag, n)
-        self._others = max(min(threads, len(self.tasks)) - 1, 0)
-        workers = threads if many and threads > 1 else self._others
-        self._pool = Pool(workers, own=int(not many)) if workers else None
-        self.parallel = Parallel(n, threads, self._pool) if many else None
-        recorded = own or followed is not None or (dense and (form.is_dense or form.transforms))
+        self._reads_path = self._follower is not None and self._follower.reads_path
+        recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
-        self._n = n
         self._copies: tuple[Array, ...] | None = None
-        self._own_clocks = [OwnClocks(form, self._usual, n, self.steps) for _ in self.tasks] if own else []
-        self._hand_over = None
-        if followed is not None and m:
-            self._hand_over = HandOver(form, followed, n, self.steps, len(self.tasks))
         self._begun = aligned(self.state["memory"].shape)[0]
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
+        self._now, self._count = np.zeros(0), np.zeros(1, dtype=np.int64)
+        # What the records for particles were made of, and these: of the march itself, and of copies, not observed.
+        self._bound_to: dict[bool, tuple[Any, Any]] = dict.fromkeys((False, True), ([None] * 7, None))
+        self.tasks = range(self._helpers.members if self._follower is not None else 0)
+        self.tracks = [np.zeros((0, WIDTH))] if self._follower is None else [self._follower.track]
 
     @property
     def kind(self) -> tuple[Any, ...]:
         """What is compiled for it: the same for those that need the same."""
-        alone = bool(self.tasks), self.parallel is None, self._hand_over is not None
-        return self._form.tag.name, self._tag.name, *alone
+        following = "" if self._follower is None else self._follower.following.name
+        return self._form.tag.name, self._tag.name, following, self.parallel is None
 
     @property
     def scratch(self) -> Array:
@@ -171,7 +172,7 @@ class BoundLoops:
         """
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
-        if self._own_clocks or self._hand_over:
+        if self._reads_path:
             self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles
                 if self._of_copies is None:
@@ -218,22 +219,17 @@ class BoundLoops:
         particles = [state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory")]
         gone = np.zeros((particles[0].shape[1], 2), dtype=np.int64) if retired is None else retired
 
-        tasks = self.tasks
-        if some is not None:
-            count = state["particle_memory"].shape[0]
-            tasks = [(WIDTH * k, min(WIDTH * (k + 1), count)) for k in sorted({int(p) // WIDTH for p in some})]
-
-        def share(task: int) -> int:
+        def transform(start: int, stop: int) -> None:
             room = aligned(state["memory"].shape, self._scratch.shape, self._stages.shape[1:], (2 * WIDTH, WIDTH))
             room[0][...] = state["memory"]
-            kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], *tasks[task])
-            return 0
+            kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], start, stop)
 
         if some is None:
-            self._in_tasks(share)
+            self._helpers.each(transform, self._shares)
         else:
-            for task in range(len(tasks)):
-                share(task)
+            count = state["particle_memory"].shape[0]
+            for k in sorted({int(p) // WIDTH for p in some}):
+                transform(WIDTH * k, min(WIDTH * (k + 1), count))
 
     def seen(self, begun: Array, count: int) -> Array:
         """Return q and v as they are seen before the first of the `count` steps of the last block and after each, for a
@@ -278,75 +274,30 @@ class BoundLoops:
 
         retired : see `Retired.block`; watcher : what observes them, or None
         """
-        if self._own_clocks:
-            return self._march_own_clocks(state, bound, retired, watcher, count)
-        particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory"))
-        observer = 0 if watcher is None else watcher.observer
-        if self._hand_over is not None and count:
-            self._hand_over.prepare(state, *self._record, bound, self._begun, watcher, count)
-
-        def share(task: int) -> int:
-            start, stop = self.tasks[task]
-            context = 0 if watcher is None else watcher.contexts.addresses[1 + task]
-            room = (self._task_scratch[task], self._stages, retired)
-            watched = (observer, context, self.tracks[task])
-            block = (*bound, *particles, *room, count, start, stop, *watched)
-            if self._hand_over is not None and count:
-                return self._hand_over.march(block, task, 0 if watcher is None else watcher.own_steps.addresses[task])
-            return int(driver.march_particles(*block))
-
-        return self._in_tasks(share)
-
-    def _march_own_clocks(
-        self,
-        state: dict[str, Array],
-        bound: tuple[Any, ...],
-        retired: NDArray[np.int64],
-        watcher: Watcher | None,
-        count: int,
-    ) -> int:
-        """As `march_particles`, for particles with clocks of their own."""
-        if not count:
+        if self._follower is None:
             return 0
-        particles = tuple(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory", "clock"))
-        form, _, *model, times = bound
-        observer = 0 if watcher is None else watcher.observer
-        if watcher is not None:
-            watcher.follow_own_steps([task.arrays for task in self._own_clocks])
-
-        def share(task: int) -> int:
-            start, stop = self.tasks[task]
-            mine, addresses = self._own_clocks[task], (0, 0)
-            if watcher is not None:
-                addresses = watcher.contexts.addresses[1 + task], watcher.own_steps.addresses[task]
-            room = (self._task_scratch[task], self._stages, retired, *self._record, *mine.field, *mine.shared)
-            watched = (observer, addresses[0], self.tracks[task], addresses[1], *mine.log)
-            which = (count, start, stop)
-            return int(march_own_clocks(form, mine.table, *model, times, *particles, *room, *which, *watched))
-
-        return self._in_tasks(share)
-
-    def _in_tasks(self, share: Callable[[int], int]) -> int:
-        """Call a function with the number of each task, in the caller's thread and in others, which take the next task
-        when they are free; return the sum of its results.
-        """
-        tasks = iter(range(len(self.tasks)))
-
-        def work() -> int:
-            return sum(map(share, tasks))
-
-        running: list[Future[int]] = []
-        try:
-            if self._pool is not None:
-                for _ in range(self._others):
-                    running.append(self._pool.submit(work))
-            done = work()
-        finally:
-            wait(running)  # also after an interrupt: the arrays may be used only afterwards
-        return done + sum(future.result() for future in running)
+        form, coefficients, tag, parameters, timing, now, times = bound
+        if len(self._now) != len(now):
+            self._now = np.empty_like(now)
+        self._now[:], self._count[0] = now, count
+        sources = state, coefficients, *self._record, retired, watcher, self._now
+        known, records = self._bound_to[watcher is None]
+        if any(a is not b for a, b in zip(sources, known, strict=True)):
+            columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
+            clocks = state.get("particle_clock", np.zeros((0, COLUMNS)))
+            records = (
+                Block(
+                    coefficients, parameters, self._now, times, self._count, self._stages, self._begun, *self._record
+                ),
+                Followers(columns, state["particle_memory"], clocks, retired),
+            )
+            self._bound_to[watcher is None] = sources, records
+        block, particles = records
+        return self._follower.follow((form, tag, timing), block, particles, watcher)
 
     def close(self) -> None:
         """Release the threads; what is still asked for is computed by the caller's."""
+        self._helpers.close()
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None

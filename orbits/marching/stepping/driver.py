@@ -6,47 +6,32 @@ The clock determines when a step begins and how long it is (`orbits.kernels.cloc
 
 from __future__ import annotations
 
-import math
-
 from orbits.kernels.barrier import Barrier
 from orbits.kernels.binding import dimension
 from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
-from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import WIDTH, full, lane, select, unit
-from orbits.kernels.search.observers import call_observer
-from orbits.kernels.search.paths import record_carry, record_one, record_particle, record_particles, record_strip
+from orbits.kernels.lanes import WIDTH
+from orbits.kernels.search.paths import record_carry, record_strip
 from orbits.kernels.state import (
     Columns,
     all_finite,
-    load_particle,
-    load_particles,
-    store_particle,
-    store_particles,
 )
 from orbits.kernels.steps import (
     BEYOND,
     NOT_FINITE,
-    NOWHERE,
     OK,
     Method,
     Model,
-    Particles,
     Share,
     State,
     Storage,
     begin,
-    begin_pair,
     enter,
     enter_particles,
-    keep_pair,
-    lanes_of,
     leave,
     leave_particles,
     record,
     show,
-    step_pair,
-    step_particles,
 )
 
 
@@ -212,164 +197,3 @@ def march_together(
         storage = Storage(carry, scratch, stages[k % stages.shape[0]], share)
         _, _, count = take_step(clock, method, model, k, state, storage)
         rounds[member, 1] += count
-
-
-@kernel
-def march_particles(
-    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, v, v_lo, carry, scratch, stages, retired,
-    steps, start, stop, observer, context, track
-):  # fmt: skip
-    """March massless particles start ... stop - 1 by `steps` steps through the stages of the massive bodies.
-
-    q, q_lo, v, v_lo : (3, padded); carry : (particles, rows, 8); stages : (steps, rows, columns)
-    retired : (padded, 2) int64, a row for each particle: why it was retired (0: it was not), and before which step.
-        A particle that cannot be stepped is retired alone, and keeps its state before the step
-    observer, context : see `orbits.kernels.search.observers`
-    track : (rows, 8), receives the states of eight, or of twice eight, particles at the beginning of each step
-
-    Returns the number of evaluations.
-    """
-    method, model, columns = Method(form, coefficients), Model(tag, parameters), Columns(q, q_lo, v, v_lo)
-    clock, storage = Clock(timing, numbers, room), Storage(carry, scratch, stages, Share(0, 0, None))
-    block, watched = (steps, start, stop), (observer, context, track)
-    return _march_particles(method, model, clock, columns, storage, retired, block, watched)
-
-
-@verb
-def _march_particles(method, model, clock, columns, storage, retired, block, watched):
-    """March particles in the layout of their method: eight in lanes, or one with its stages in lanes."""
-    march = _march_in_lanes if lanes_of(method) == WIDTH else _march_one_by_one
-    return lambda method, model, clock, columns, storage, retired, block, watched: march(
-        method, model, clock, columns, storage, retired, block, watched
-    )
-
-
-@kernel(inline=True)
-def _march_in_lanes(method, model, clock, columns, storage, retired, block, watched):
-    """March two groups of eight particles in lanes, so that their instructions overlap."""
-    (steps, start, stop), (_, h) = block, step_of(clock, 0)
-    observer, context, track = watched
-    other = track[track.shape[0] // 2 :]
-    evaluations = 0
-    for p in range(start, stop, 2 * WIDTH):
-        P = p + WIDTH if p + WIDTH < stop else p
-        storages = _at(storage, 0, p, p + WIDTH), _at(storage, 0, P, P + WIDTH)
-        one, two = _present(columns, retired, p), _present(columns, retired, P)
-        carry = begin_pair(method, model, one, two, storages)
-        record_particles(track, 0, one.x, one.y, one.z, one.vx, one.vy, one.vz)
-        record_particles(other, 0, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-        for k in range(steps):
-            (t, h), storages = step_of(clock, k), (_at(storage, k, p, p + WIDTH), _at(storage, k, P, P + WIDTH))
-            one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
-            # At once, as methods that march other variables need these no longer.
-            record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
-            record_particles(other, k + 1, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-            evaluations += count * min(2 * WIDTH, stop - p)
-        keep_pair(method, carry, storages)
-        _finish(columns, retired, track, steps, p, one, stop)
-        call_observer(observer, context, track, h, steps, p, stop)
-        if p < P:
-            _finish(columns, retired, other, steps, P, two, stop)
-            call_observer(observer, context, other, h, steps, P, stop)
-    return evaluations
-
-
-@kernel(inline=True)
-def _march_one_by_one(method, model, clock, columns, storage, retired, block, watched):
-    """March the particles one after another."""
-    (steps, start, stop), (_, h) = block, step_of(clock, 0)
-    observer, context, track = watched
-    evaluations = 0
-    for p in range(start, stop):
-        lane_of_p = p % WIDTH
-        particle, carry, done = load_particle(columns, p), storage.carry[p], 0
-        if retired[p, 0] != OK:
-            for k in range(steps + 1):
-                record_one(track, k, lane_of_p, math.nan, math.nan, math.nan, 0.0, 0.0, 0.0)
-        else:
-            while done < steps:
-                record_particle(track, done, lane_of_p, particle)
-                (t, h), now = step_of(clock, done), _at(storage, done, p, p + 1)
-                particle, carry, status, count = step_particles(method, model, t, h, particle, carry, now)
-                evaluations += count
-                if status != OK:
-                    retired[p, 0], retired[p, 1] = status, done
-                    break
-                done += 1
-            for k in range(done, steps + 1):
-                record_particle(track, k, lane_of_p, particle)
-            store_particle(columns, p, particle)
-        if lane_of_p == WIDTH - 1 or p == stop - 1:
-            call_observer(observer, context, track, h, steps, p - lane_of_p, stop)
-    return evaluations
-
-
-@kernel(inline=True)
-def _at(storage, k, start, stop):
-    """Return the storage for particles start ... stop - 1 in step k, with the stages of that step."""
-    return Storage(storage.carry, storage.scratch, storage.stages[k], Share(start, stop, None))
-
-
-@kernel
-def _present(columns, retired, p):
-    """Return particles p ... p + 7, with retired ones far away from all others."""
-    particles = load_particles(columns, p)
-    there, any_retired = full(1.0), False
-    for k in range(WIDTH):
-        if retired[p + k, 0] != OK:
-            there, any_retired = there - unit(k), True
-    if not any_retired:
-        return particles
-    nowhere, zero = full(NOWHERE), full(0.0)
-    return Particles(
-        select(there > 0.0, particles.x, nowhere),
-        select(there > 0.0, particles.y, nowhere),
-        select(there > 0.0, particles.z, nowhere),
-        select(there > 0.0, particles.x_lo, zero),
-        select(there > 0.0, particles.y_lo, zero),
-        select(there > 0.0, particles.z_lo, zero),
-        select(there > 0.0, particles.vx, zero),
-        select(there > 0.0, particles.vy, zero),
-        select(there > 0.0, particles.vz, zero),
-        select(there > 0.0, particles.vx_lo, zero),
-        select(there > 0.0, particles.vy_lo, zero),
-        select(there > 0.0, particles.vz_lo, zero),
-    )
-
-
-@kernel
-def _finish(columns, retired, track, steps, p, particles, stop):
-    """Store eight particles at the end of a block; retire those whose state is no longer finite."""
-    kept = load_particles(columns, p)
-    store_particles(columns, p, particles)
-    for j in range(p, min(p + WIDTH, stop)):
-        if retired[j, 0] != OK:
-            _put_back(columns, j, kept)
-            for k in range(steps + 1):
-                track[6 * k, j - p] = math.nan
-        elif not _is_finite(track, steps, j - p):
-            k = steps
-            while k > 0 and not _is_finite(track, k, j - p):
-                k -= 1
-            retired[j, 0], retired[j, 1] = NOT_FINITE, k
-
-
-@kernel(inline=True)
-def _put_back(columns, j, kept):
-    """Write back the state of one particle that was loaded earlier."""
-    q, q_lo, v, v_lo = columns
-    slot = j % WIDTH
-    q[0, j], q[1, j], q[2, j] = lane(kept.x, slot), lane(kept.y, slot), lane(kept.z, slot)
-    q_lo[0, j], q_lo[1, j], q_lo[2, j] = lane(kept.x_lo, slot), lane(kept.y_lo, slot), lane(kept.z_lo, slot)
-    v[0, j], v[1, j], v[2, j] = lane(kept.vx, slot), lane(kept.vy, slot), lane(kept.vz, slot)
-    v_lo[0, j], v_lo[1, j], v_lo[2, j] = lane(kept.vx_lo, slot), lane(kept.vy_lo, slot), lane(kept.vz_lo, slot)
-
-
-@kernel(inline=True)
-def _is_finite(track, k, slot):
-    """Return whether a particle's state at the beginning of step k is finite."""
-    row = 6 * k
-    for i in range(6):  # noqa: SIM110 - Numba compiles loops, not all() of a generator
-        if track[row + i, slot] * 0.0 != 0.0:
-            return False
-    return True

@@ -21,6 +21,7 @@ from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
 from orbits.kernels.tangents.of_particles_in_maps import NEAR, SHARP, WHICH, Judged, follow_particles
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import ConstantSteps, Place
+from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.bound_loops import BoundLoops, numbers_of
 from orbits.marching.stepping.choice_of_form import form_for, form_of_bodies
 from orbits.marching.tangents.in_maps import marched_in_blocks, require_map_tangents
@@ -119,16 +120,15 @@ class ParticleTangents(BoundLoops):
         """March the particles through the `count` steps that the bodies have just taken, with their vectors."""
         judged = Judged(self._path, self._order, self._reach, self._turn, self._found)
 
-        def share(task: int) -> int:
-            start, stop = self.tasks[task]
+        def share(start: int, stop: int) -> None:
+            scratch = aligned(self.scratch.shape)[0]
             follow_particles(
                 self._tag, self._usual, self._strength, self.time, self._h, self.state["particle_memory"], self._stages,
-                self._gone, self._task_scratch[task], self._done, count, start, stop, self._scale,
+                self._gone, scratch, self._done, count, start, stop, self._scale,
                 self._fans, self._growth, judged,
             )  # fmt: skip
-            return 0
 
-        self._in_tasks(share)
+        self._helpers.each(share, self._shares)
 
     def vectors(self, particle: int) -> Array:
         """Return the vectors of a particle as they are marched, (count, 2, 3)."""

@@ -37,8 +37,8 @@ class Asked:
             names = [type(event).__name__ for event in (given if isinstance(given, list | tuple) else [given])]
             ends = next((name for name in names if name in ("EnergyErrorAbove", "WallTimeOver")), "")
             raise InputError(
-                f"events = {shown(events)}; expected events such as orbits.CloseApproach('Apophis', 'Earth') or "
-                "orbits.Pericentre('Halley'), one or a list of them."
+                f"events = {shown(events)}; expected events such as orbits.events.CloseApproach('Apophis', 'Earth') or "
+                "orbits.events.Pericentre('Halley'), one or a list of them."
                 + (f" {ends} ends a run after a whole step: give it as stop=..." if ends else "")
             )
         self.system, self.direction, self.events = system, direction, tuple[Sought, ...](given)

@@ -1,0 +1,134 @@
+"""The contract of a follower: how massless particles are marched through a block of steps of the massive bodies.
+
+A way of following enters compiled code as a tag, like a method (see `orbits.kernels.steps`), with a record of its own,
+`own`. Two functions are resolved at compile time to its kernels:
+
+    begin(own, clock, block)
+        called by each thread before its first particles of a block
+    march(own, form, method, model, clock, block, particles, room, first, last) -> evaluations
+        marches particles first ... last - 1 through the block, and calls the observer for each group of eight. One that
+        is lost is noted in `particles.retired`, with the step before which it was; the others go on. `form` is the tag
+        of the method of a particle's own steps
+
+and `group` is the number of particles in a piece of the work, a multiple of eight. Nothing that a particle does depends
+on another one or on the thread that marches it. In Python, followers are the classes of
+`orbits.marching.following.follower`. The other arguments are records that are made once for a march, of what is read
+and written in each block.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from orbits.kernels.binding import kernel_of
+from orbits.kernels.clocks import Clock
+from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
+from orbits.kernels.rounds import claim_piece, next_round
+from orbits.kernels.state import Columns
+from orbits.kernels.steps import Method, Model
+
+
+class Block(NamedTuple):
+    """What the massive bodies leave of a block of steps.
+
+    Beside these, kernels get the tags of the method, the Lagrangian and the clock: in a record it would take Numba ten
+    microseconds to tell the type of each.
+
+    coefficients, parameters, numbers, times : of the method, the Lagrangian and the clock; see
+        `orbits.kernels.steps.Method`, `Model` and `orbits.kernels.clocks.Clock`
+    count : (1,) int64, how many steps they took
+    stages : (steps, rows, columns), see `orbits.kernels.steps.Storage`
+    begun : (rows, 8), their carry before the first step; path : flat, q and v at the beginning of each step and at the
+        end, each padded; carries : (steps, rows, 8), their carry after each step. Only for a follower that reads them
+    """
+
+    coefficients: Any
+    parameters: Any
+    numbers: Any
+    times: Any
+    count: Any
+    stages: Any
+    begun: Any
+    path: Any
+    carries: Any
+
+
+class Followers(NamedTuple):
+    """The massless particles of a march.
+
+    columns : their states, (3, padded) each
+    memory : (particles, rows, 8), the carry of each; clocks : (particles, columns), of those that have clocks of their
+        own: see `orbits.marching.following.own_clocks.BEFORE`
+    retired : (padded, 2) int64, a row for each particle: why it was retired (0: it was not), and before which step of
+        the block. One that cannot be stepped is retired alone, and keeps its state before the step
+    """
+
+    columns: Columns
+    memory: Any
+    clocks: Any
+    retired: Any
+
+
+class Room(NamedTuple):
+    """What a thread has for itself.
+
+    scratch : workspace of a step; track : (rows, 8), receives the states of eight, or of twice eight, particles at the
+        beginning of each step
+    observer, context : see `orbits.kernels.search.observers`; evaluations : (1,) int64, to which its own are added
+    """
+
+    scratch: Any
+    track: Any
+    observer: Any
+    context: Any
+    evaluations: Any
+
+
+@verb
+def begin(following, own, clock, block):
+    """Prepare for a block."""
+    compiled = kernel_of(following, "begin")
+    if compiled is None:
+        return lambda following, own, clock, block: None
+    return lambda following, own, clock, block: compiled(own, clock, block)
+
+
+@verb
+def march_some(following, own, form, method, model, clock, block, particles, room, first, last):
+    """March particles first ... last - 1 through a block."""
+    compiled = kernel_of(following, "march")
+    return lambda following, own, form, method, model, clock, block, particles, room, first, last: compiled(
+        own, form, method, model, clock, block, particles, room, first, last
+    )
+
+
+@verb
+def group_of(following):
+    """Return the number of particles in a piece of the work."""
+    group = kernel_of(following, "group")
+    return lambda following: group
+
+
+@kernel
+def follow_block(turns, following, form, own_form, tag, timing, block, particles, room, own):
+    """March the massless particles through the steps that the massive bodies have just taken, as one of several
+    threads.
+
+    turns : see `orbits.kernels.rounds`; following : the tag of the way of following, and own : its record
+    form, own_form, tag, timing : the tags of the method, of that of a particle's own steps, of the Lagrangian and of
+        the clock; block, particles, room : see these
+    """
+    method, model = Method(form, block.coefficients), Model(tag, block.parameters)
+    clock, group, count = Clock(timing, block.numbers, block.times), group_of(following), particles.memory.shape[0]
+    number = next_round(turns, 0)
+    while number > 0:
+        begin(following, own, clock, block)
+        first = group * claim_piece(turns)
+        while first < count:
+            last = min(first + group, count)
+            room.evaluations[0] += march_some(
+                following, own, own_form, method, model, clock, block, particles, room, first, last
+            )
+            first = group * claim_piece(turns)
+        number = next_round(turns, number)

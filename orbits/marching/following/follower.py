@@ -1,0 +1,82 @@
+"""Followers: the ways in which massless particles follow the massive bodies through a block of steps.
+
+In the steps of the bodies (`Follower` itself), by steps of their own (`ByOwnSteps` in `own_memory.py`) or leaving a map
+for such steps (`WithExcursions` in `excursion_rules.py`). Which one serves a march is chosen once, when it is bound.
+"""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from orbits.integrators.forms import Array, Form
+from orbits.kernels.binding import Tag, kernel_of
+from orbits.kernels.lanes import WIDTH
+from orbits.marching.following.contract import Block, Followers, Room, follow_block
+from orbits.marching.following.in_lanes import IN_LANES, ONE_BY_ONE
+from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.pool import Helpers
+from orbits.marching.watching.watcher import Watcher
+
+
+class Follower:
+    """Massless particles that take the steps of the massive bodies, through their recorded stages.
+
+    form : of the method; n : the number of massive bodies; steps : the most in a block; helpers : the threads
+
+    following : the tag of the way of following; reads_path : whether the states and the carry of the bodies at the
+        beginning of each step are to be recorded
+    track : of the caller's thread, see `Room`
+    """
+
+    reads_path: ClassVar[bool] = False
+
+    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers) -> None:
+        self._helpers, members = helpers, range(helpers.members)
+        self.following = IN_LANES if kernel_of(form.tag.type, "width") in (None, WIDTH) else ONE_BY_ONE
+        self._own_form: Tag = form.tag  # of the method of a particle's own steps
+        self._evaluations = [np.zeros(1, dtype=np.int64) for _ in members]
+        shapes = form.scratch_shape(3 * n), (12 * (steps + 1), WIDTH)
+        self._rooms = [aligned(*shapes) for _ in members]
+        # Records, and the arguments made of them: of the march itself, and of copies of its state, not observed.
+        self._bound: dict[bool, tuple[tuple[Any, ...], list[tuple[Any, ...]]]] = {}
+        self.track: Array = self._rooms[0][1]
+
+    @staticmethod
+    def memory_rows(form: Form) -> int:
+        """Return the number of rows of eight that each particle keeps from block to block."""
+        return form.particle_carry_rows
+
+    def follow(self, tags: tuple[Tag, Tag, Tag], block: Block, particles: Followers, watcher: Watcher | None) -> int:
+        """March particles through a block of steps, in which those that are lost are noted in `particles.retired`;
+        return how many evaluations there were.
+
+        tags : of the method, the Lagrangian and the clock; block, particles : the same records as long as the arrays
+            are the same; watcher : what observes them, or None
+        """
+        steps = int(block.count[0])
+        if not steps:
+            return 0
+        self._prepare(block, watcher, steps)
+        known, arguments = self._bound.get(watcher is None, ((), []))
+        if not known or block is not known[0] or particles is not known[1]:
+            flat = self.following, tags[0], self._own_form, *tags[1:], block, particles
+            arguments = [(*flat, *self._own(k, block, watcher)) for k in range(self._helpers.members)]
+            self._bound[watcher is None] = (block, particles), arguments
+        for evaluations in self._evaluations:
+            evaluations[0] = 0
+        self._helpers.run(follow_block, arguments, steps)
+        return sum(int(evaluations[0]) for evaluations in self._evaluations)
+
+    def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
+        """Prepare for a block of steps: by default nothing."""
+
+    def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, Any]:
+        """Return the room of a thread, and the record of this way of following."""
+        return self._room(member, watcher), None
+
+    def _room(self, member: int, watcher: Watcher | None) -> Room:
+        observer, context = (0, 0) if watcher is None else (watcher.observer, watcher.contexts.addresses[1 + member])
+        scratch, track = self._rooms[member]
+        return Room(scratch, track, observer, context, self._evaluations[member])

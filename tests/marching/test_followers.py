@@ -1,0 +1,139 @@
+"""Massless particles follow by one contract, and threads take part in it without being waited for."""
+
+import importlib
+import inspect
+import pkgutil
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from orbits.marching.legs.leg import Leg
+
+import orbits
+from orbits.kernels.compile import kernel
+from orbits.kernels.rounds import COUNTERS, DISMISSED, Turns, claim_piece, next_round
+from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching import following
+from orbits.marching.following.contract import follow_block
+from orbits.marching.following.follower import Follower
+from orbits.marching.stepping.pool import Helpers
+
+PIECES, HELPERS, ROUNDS = 7, 3, 3000
+
+
+def records():
+    """Return the records of the kernels in the modules of followers."""
+    names = [module.name for module in pkgutil.iter_modules(following.__path__, "orbits.marching.following.")]
+    found = [one for name in names for _, one in inspect.getmembers(importlib.import_module(name), inspect.isclass)]
+    return {one for one in found if hasattr(one, "_fields") and one.__module__ in names}
+
+
+def test_records_have_at_most_15_fields_and_the_entry_point_12_arguments():
+    assert len(records()) >= 10
+    assert max(len(one._fields) for one in records()) <= 15
+    assert len(inspect.signature(follow_block.py_func).parameters) <= 12
+
+
+@kernel
+def count_pieces(turns, counts):
+    """Count the pieces that are claimed, by the thread and the round."""
+    number = next_round(turns, 0)
+    while number > 0:
+        piece = claim_piece(turns)
+        while piece < counts.shape[2]:
+            counts[turns.member, number - 1, piece] += 1
+            piece = claim_piece(turns)
+        number = next_round(turns, number)
+
+
+def test_each_piece_of_a_round_is_done_once_and_before_it_ends():
+    counters, counts = np.zeros(COUNTERS, dtype=np.int64), np.zeros((1 + HELPERS, ROUNDS, PIECES), dtype=np.int64)
+    count_pieces(Turns(np.zeros(COUNTERS, dtype=np.int64), 0, 0), np.zeros((1, 1, 1), dtype=np.int64))
+    with ThreadPoolExecutor(HELPERS) as pool:
+        others = [pool.submit(count_pieces, Turns(counters, k, 1 << 40), counts) for k in range(1, 1 + HELPERS)]
+        for done in range(1, ROUNDS + 1):
+            count_pieces(Turns(counters, 0, 0), counts)
+            assert counts[:, done - 1].sum() == PIECES
+            assert not counts[:, done:].any()
+        counters[DISMISSED] = 1
+    assert all(one.result() is None for one in others)
+    assert np.all(counts.sum(axis=0) == 1)
+
+
+def cloud(method, h, threads, particles=200):
+    """Return a march of two bodies and some particles."""
+    rng = np.random.default_rng(3)
+    gm, n = np.array([1.0, 1e-4] + [0.0] * particles), 2 + particles
+    radius, angle = rng.uniform(1.1, 2.5, n), rng.uniform(0.0, 2 * np.pi, n)
+    radius[:2] = 0.0, 1.0
+    q = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0.05 * rng.normal(size=n)], axis=1)
+    speed = 1.0 / np.sqrt(np.maximum(radius, 1e-9))
+    speed[0] = 0.0
+    v = np.stack([-speed * np.sin(angle), speed * np.cos(angle), np.zeros(n)], axis=1)
+    return Leg.of(newtonian, method, parameters(gm[:2]), gm > 0, q, v, h, threads=threads)
+
+
+WAYS = {
+    "in lanes": (orbits.StormerVerlet(), 0.01),
+    "one after another": (orbits.Gauss(stages=4), 0.05),
+    "by own steps": (orbits.Gauss(stages=6), orbits.Adaptive()),
+    "leaving a map": (orbits.WisdomHolman(encounters="follow"), 0.02),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_helpers_take_part_and_change_no_bit(way, monkeypatch):
+    monkeypatch.setattr("orbits.marching.stepping.pool.WORTHWHILE", 0.0)
+    method, h = WAYS[way]
+    alone, shared = cloud(method, h, 1), cloud(method, h, 3)
+    helped = 0
+    for _ in range(400):  # the system decides when threads run
+        alone.advance(20)
+        shared.advance(20)
+        helped += sum(int(evaluations[0]) for evaluations in shared._loops._follower._evaluations[1:])
+        if helped and alone.step >= 200:
+            break
+    assert helped > 0
+    shared.close()  # what is asked for now is computed by the caller's thread
+    alone.advance(20)
+    shared.advance(20)
+    expected = alone.checkpoint()
+    for name, array in shared.checkpoint().items():
+        assert np.array_equal(array, expected[name], equal_nan=True), name
+
+
+def test_nobody_waits_for_threads_that_do_not_come():
+    march, expected = cloud(orbits.StormerVerlet(), 0.01, 2), cloud(orbits.StormerVerlet(), 0.01, 1)
+    free = threading.Event()
+    march._loops._pool.submit(free.wait)
+    march._loops._helpers._pace = 1.0
+    march.advance(100)
+    assert march._loops._helpers._running[1].running() is False
+    free.set()
+    expected.advance(100)
+    assert np.array_equal(march.state()[0], expected.state()[0])
+    march.close()
+
+
+def test_samples_leave_the_threads_to_the_march(monkeypatch):
+    """A partial step, on a copy of the state, neither dismisses the threads nor binds the march anew."""
+    monkeypatch.setattr("orbits.marching.stepping.pool.WORTHWHILE", 0.0)
+    march, dismissed = cloud(orbits.StormerVerlet(), 0.01, 2), []
+    march.advance(100)
+    march.advance(100)
+    bound = march._loops._follower._bound[False]
+    monkeypatch.setattr(Helpers, "dismiss", lambda self: dismissed.append(self))
+    march._loops._helpers._pace = 1e-7
+    march.state_after(0.005)
+    march.advance(1)
+    assert march._loops._follower._bound[False] is bound
+    assert dismissed == []
+    monkeypatch.undo()
+    march.close()
+
+
+def test_the_way_of_following_is_chosen_once():
+    kinds = {way: type(cloud(*WAYS[way], 1, particles=8)._loops._follower) for way in WAYS}
+    assert kinds["in lanes"] is kinds["one after another"] is Follower
+    assert len(set(kinds.values())) == 3
