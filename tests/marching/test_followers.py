@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from orbits.marching.legs.leg import Leg
 
 import orbits
 from orbits.kernels.compile import kernel
@@ -17,6 +16,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching import following
 from orbits.marching.following.contract import follow_block
 from orbits.marching.following.follower import Follower
+from orbits.marching.legs.leg import Leg
 from orbits.marching.stepping.pool import Helpers
 
 PIECES, HELPERS, ROUNDS = 7, 3, 3000
@@ -91,7 +91,7 @@ def test_helpers_take_part_and_change_no_bit(way, monkeypatch):
     for _ in range(400):  # the system decides when threads run
         alone.advance(20)
         shared.advance(20)
-        helped += sum(int(evaluations[0]) for evaluations in shared._loops._follower._evaluations[1:])
+        helped += sum(int(evaluations[0]) for evaluations in shared.stepper.loops._follower._evaluations[1:])
         if helped and alone.step >= 200:
             break
     assert helped > 0
@@ -106,10 +106,10 @@ def test_helpers_take_part_and_change_no_bit(way, monkeypatch):
 def test_nobody_waits_for_threads_that_do_not_come():
     march, expected = cloud(orbits.StormerVerlet(), 0.01, 2), cloud(orbits.StormerVerlet(), 0.01, 1)
     free = threading.Event()
-    march._loops._pool.submit(free.wait)
-    march._loops._helpers._pace = 1.0
+    march.stepper.loops._pool.submit(free.wait)
+    march.stepper.loops._helpers._pace = 1.0
     march.advance(100)
-    assert march._loops._helpers._running[1].running() is False
+    assert march.stepper.loops._helpers._running[1].running() is False
     free.set()
     expected.advance(100)
     assert np.array_equal(march.state()[0], expected.state()[0])
@@ -122,18 +122,18 @@ def test_samples_leave_the_threads_to_the_march(monkeypatch):
     march, dismissed = cloud(orbits.StormerVerlet(), 0.01, 2), []
     march.advance(100)
     march.advance(100)
-    bound = march._loops._follower._bound[False]
+    bound = march.stepper.loops._follower._bound[False]
     monkeypatch.setattr(Helpers, "dismiss", lambda self: dismissed.append(self))
-    march._loops._helpers._pace = 1e-7
+    march.stepper.loops._helpers._pace = 1e-7
     march.state_after(0.005)
     march.advance(1)
-    assert march._loops._follower._bound[False] is bound
+    assert march.stepper.loops._follower._bound[False] is bound
     assert dismissed == []
     monkeypatch.undo()
     march.close()
 
 
 def test_the_way_of_following_is_chosen_once():
-    kinds = {way: type(cloud(*WAYS[way], 1, particles=8)._loops._follower) for way in WAYS}
+    kinds = {way: type(cloud(*WAYS[way], 1, particles=8).stepper.loops._follower) for way in WAYS}
     assert kinds["in lanes"] is kinds["one after another"] is Follower
     assert len(set(kinds.values())) == 3
