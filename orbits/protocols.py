@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from orbits.diagnostics import Drift
     from orbits.integrators.base import Integrator
     from orbits.lagrangians.terms.base import Term
-    from orbits.marching.clocks.constant import Clock, Place
+    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.step_times import Place
     from orbits.point_masses import PointMasses
     from orbits.units import UnitSystem
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, EventError, IntegrationError, StorageError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import IMPACT
-from orbits.marching.clocks.constant import Clock, ConstantSteps, Place
+from orbits.marching.clocks.constant import Clock, ConstantSteps
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.leg import Leg

@@ -6,8 +6,7 @@ import shlex
 import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from astropy import units as u
@@ -26,40 +25,32 @@ from orbits.errors import (
 )
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
-from orbits.marching.watching.watcher import ENERGY
+from orbits.marching.watching.leg_observers import ENERGY
 from orbits.propagation.checks import kepler_splitting, unresolved_passages
 from orbits.propagation.checks.precision import energy_lost
 from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
-from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver, asks_to_stop
-from orbits.propagation.control.wall_clock import Deadline
-from orbits.propagation.events.base import Found, Happening, Sample, Sought
+from orbits.propagation.control.stop_conditions import asks_to_stop
+from orbits.propagation.events.base import Sample
 from orbits.propagation.events.functions import Raised
-from orbits.propagation.events.particles import ParticleSearches
-from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.results.recording import observed_until
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore
-from orbits.results.stop import Stop
+from orbits.propagation.run_ends import ParticlesOfRun, RunEnds, moved_on
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
-from orbits.trajectory.changes import at_time
-from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
-from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
-    from orbits.propagation.chain_of_legs import ChangingMarch
     from orbits.propagation.resuming.step_store import StepStore
 
 Array = NDArray[np.float64]
-Callback = Callable[[u.Quantity, System], object]
 
 
 Marching = Generator[Place | None, None, Trajectory]
@@ -67,103 +58,6 @@ Marching = Generator[Place | None, None, Trajectory]
 
 AT_ONCE = 256
 """The most samples within a step whose states are computed together."""
-
-
-@dataclass
-class RunEnds:
-    """The conditions that may end a run early, and the one that did.
-
-    before : the sample from which the run goes on; deadline : the limit of its wall time, if there is one
-    """
-
-    conditions: Conditions
-    callback: Callback | None
-    check_step: bool
-    events: Seeking
-    before: Sample | None = None
-    deadline: Deadline | None = None
-    stopped: Stop | None = None
-    begun: float = 0.0
-
-    def ended(self, system: System, marcher: March) -> bool:
-        """Return whether a condition that ends the run holds, and note it."""
-        if marcher.ended is not None:
-            row, bodies = marcher.ended
-            names = " and ".join(system.names[int(k)] for k in row[[BODY, OTHER]])
-            event = self.events.event_of(int(row[NUMBER]))
-            self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
-            return True
-        found = self.conditions.exceeded() if marcher.met == ENERGY else None
-        found = found or self.conditions.overdue(time.perf_counter() - self.begun)
-        if found is None and self.deadline is not None and self.deadline.over:
-            found = self.deadline.words, WallTimeOver(self.deadline.seconds)
-        if found is not None:
-            self.note(system, marcher, marcher.time, marcher.state(), *found)
-        return found is not None
-
-    def interrupted(self, system: System, marcher: March, found: Found | None) -> bool:
-        """Return whether an event ends the run, and note it; others that interrupt it act."""
-        if found is None:
-            return False
-        state = marcher.state_after(found.time - marcher.time)
-        at = _moved(system, marcher, found.time, *state) if self.events.touching else None
-        happening = self.events.happening(found, state, at)
-        then = happening.event.then
-        if not isinstance(then, str):
-            try:
-                changed = then.act(happening)
-                if changed is not None:
-                    cast("ChangingMarch", marcher).change(happening.kind, found.time, *state, happening.system, changed)
-            except Exception:
-                self.events.log.drop_from(found.time)  # a run that is resumed acts there
-                raise
-            if changed is not None:
-                self.events.follow(cast("ChangingMarch", marcher).now)
-            return False
-        self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
-        self.end_at(system, marcher, happening, found.time, state)
-        return True
-
-    def end_at(
-        self, system: System, marcher: March, happening: Happening, time: float, state: tuple[Array, Array]
-    ) -> None:
-        """Note the event that ends the run."""
-        names = [name for name in (happening.body, happening.other) if name is not None]
-        reason = " and ".join(names) + ": " * bool(names) + happening.kind
-        self.note(system, marcher, time, state, reason, self.conditions.given(happening.event))
-
-    def after(self, marcher: March) -> Found | None:
-        """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
-        if self.events.touching:
-            return cast("Found | None", marcher.found)  # it seeks them itself, from collision to collision
-        return self.events.after(marcher.current)
-
-    def ahead(self, marcher: March, time: float) -> Found | None:
-        """Return the first event that interrupts the run before a time less than a step ahead, if any."""
-        if self.events.touching or self.events.act:
-            return self.events.before_in(cast("ChangingMarch", marcher).steps_beyond(time), time)
-        found = None
-        if self.events.stops is not None:
-            found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))
-        return found or self.events.ahead(marcher.current, time)
-
-    def at_a_bound(self, marcher: March, sample: Sample) -> Found | None:
-        """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
-        return self.events.before_sample(marcher.current, sample)
-
-    def note(
-        self,
-        system: System,
-        marcher: March,
-        now: float,
-        state: tuple[Array, Array],
-        reason: str,
-        condition: Condition | Sought | None,
-    ) -> None:
-        """Record the reason, the time and the state: q and v, (bodies, 3)."""
-        at = _moved(system, marcher, now, *state)
-        t = u.Quantity(now, system.units.time)
-        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
 
 
 class Bar(Protocol):
@@ -244,7 +138,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             beats = Beats(own_beats, system, integrator, grid, marcher, writer)
             try:
                 try:
-                    particles = _Particles(system, integrator, marcher, grid, watch)
+                    particles = ParticlesOfRun(system, integrator, marcher, grid, watch)
                     shown = bar, beats
                     complete = yield from _sample(system, marcher, grid, first, store, shown, stop, watch, particles)
                     watch.events.flush()
@@ -344,74 +238,13 @@ def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:
     store = SampleStore(len(system.names), len(grid) - first, writer, run.accounts, events=run.watch.events)
     try:
         marcher.compile()
-        particles = _Particles(system, integrator, marcher, grid, run.watch)
+        particles = ParticlesOfRun(system, integrator, marcher, grid, run.watch)
         for _ in _sample(system, marcher, grid, first, store, (bar, beats), stop, run.watch, particles):
             pass
         store.commit(marcher)
     finally:
         bar.close()
         marcher.close()
-
-
-class _Particles:
-    """The events of massless bodies along the loop of a run."""
-
-    def __init__(
-        self, system: System, integrator: Integrator, marcher: March, grid: TimeGrid, watch: RunEnds
-    ) -> None:
-        begun = watch.before or Sample(0.0, system.values.q, system.values.v)
-        self._system, self._watch, self._marcher = system, watch, marcher.current
-        self._followed = ParticleSearches(system, integrator, grid.clock, watch.events, begun)
-        self._clock, self._kept = grid.clock, self._now()
-
-    def __bool__(self) -> bool:
-        """Whether there are any."""
-        return bool(self._followed)
-
-    def reach(self, sample: Sample) -> bool:
-        """Seek events up to the next sample, before it is stored; return whether one of them ends the run."""
-        if not self._followed:
-            return False
-        if self._ends_by(sample.time, sample):
-            return True
-        self._followed.go_on(Sample(sample.time, sample.q.copy(), sample.v.copy()))
-        self._kept = self._now()
-        return False
-
-    def end(self) -> None:
-        """Seek events up to the time at which the run was ended, if it was; an earlier one ends it instead."""
-        stopped = self._watch.stopped
-        if self._followed and stopped is not None:
-            self._ends_by(float(stopped.time.value), None)
-
-    def _ends_by(self, time: float, end: Sample | None) -> bool:
-        if (time - self._followed.last.time) * self._clock.direction <= 0.0:
-            return False
-        system, watch, marcher = self._system, self._watch, self._marcher
-        lost = {one.body: float(self._clock.time(one.reading)) for one in marcher.retired()}
-        first = self._followed.seek(time, lost, end)
-        if first is None:
-            return False
-        search, found = first
-        state = self._followed.state_at(found.time)
-        watch.end_at(system, marcher, search.happening(found, state), found.time, state)
-        if self._kept is not None:
-            # The march has gone beyond: an archive goes on from the last sample, and finds again what comes after.
-            checkpoint, firm = self._kept
-            if (found.time - marcher.time) * self._clock.direction > 0.0:
-                watch.events.before(marcher, found.time, record=True)
-            watch.events.flush()
-            watch.events.log.drop_after(found.time)
-            watch.events.log.firm = min(firm, len(watch.events.log.rows))
-            marcher.restore(checkpoint)
-        return True
-
-    def _now(self) -> tuple[dict[str, NDArray[np.generic]], int] | None:
-        """Return where the march is, and how many of its events are firm, if particles may end it after that."""
-        if not self._followed.stops:
-            return None
-        self._watch.events.flush()
-        return self._marcher.checkpoint(), self._watch.events.log.firm
 
 
 def _was_stopped(stop: StopRequest, trajectory: Trajectory, watch: RunEnds) -> bool:
@@ -477,7 +310,7 @@ def _sample(
     shown: tuple[Bar, Beats],
     stop: StopRequest,
     watch: RunEnds,
-    particles: _Particles,
+    particles: ParticlesOfRun,
 ) -> Generator[Place, None, bool]:
     """Visit every sample from `first` on, and the end of the run, until a stop is requested; return whether the run
     came to its end. The place to which the next block leads is yielded before it.
@@ -524,8 +357,8 @@ def _sample(
         store.note(accounts)
         store.add(*state)
         if watch.callback is not None:
-            moved_on = _moved(system, marcher, goal, *state)
-            if asks_to_stop(watch.callback, u.Quantity(goal, system.units.time), moved_on):
+            there = moved_on(system, marcher, goal, *state)
+            if asks_to_stop(watch.callback, u.Quantity(goal, system.units.time), there):
                 watch.note(system, marcher, goal, state, "the callback ended the run", None)
                 return False
         if store.full and index + 1 < len(grid.goals):  # the last one is committed with the end of the run
@@ -540,10 +373,3 @@ def _sample(
             if end.met == ENERGY:
                 watch.note(system, marcher, end.time, end.state(), *watch.conditions.exceeded())
     return True
-
-
-def _moved(system: System, marcher: March, t: float, q: Array, v: Array) -> System:
-    changes = marcher.changes()
-    if changes is not None:
-        return at_time(system, changes, q, v, t)
-    return moved(system, q, v, t, absent(q, v, system.massive))

@@ -24,7 +24,7 @@ from orbits.propagation.control.stop_conditions import Condition, Conditions, ch
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
-from orbits.propagation.loop import Callback, Run, RunEnds, march
+from orbits.propagation.loop import Run, march
 from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import differences, provenance
 from orbits.propagation.results.error_estimate import error_bars
@@ -32,6 +32,7 @@ from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
 from orbits.propagation.resuming.marching_again import REPLAY
 from orbits.propagation.resuming.sample_store import checkpoint_of, no_accounts
 from orbits.propagation.resuming.step_store import StepStore, check_memory, continued, room_for_steps
+from orbits.propagation.run_ends import Callback, RunEnds
 from orbits.propagation.systems import (
     archives_of,
     check_samples,

@@ -26,7 +26,8 @@ from orbits._version import __version__
 from orbits.body_names import chosen, index_of, place_of
 from orbits.checks import positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
-from orbits.marching.clocks.constant import Clock, Place
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf

@@ -18,7 +18,7 @@ from benchmarks.problems import ours as marched
 from benchmarks.problems import ten_bodies_data
 from benchmarks.references import rotated, rotations
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
 
 Array = NDArray[np.float64]

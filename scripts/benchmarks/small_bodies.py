@@ -82,7 +82,7 @@ def part_small_bodies(repetitions: int) -> dict[str, Any]:
 def sum_of_evaluations(system: orbits.System) -> int:
     """Return how often the forces on the asteroids are evaluated, at eight stages each time."""
     from orbits.marching.clocks.adaptive import Adaptive
-    from orbits.marching.clocks.constant import Place
+    from orbits.marching.clocks.step_times import Place
     from orbits.propagation.marchers import bound
 
     march = bound(system, orbits.Gauss(stages=8), Adaptive(), threads=1)

@@ -8,7 +8,7 @@ from orbits.kernels.search.record import DISTANCE2, DOMINANT, OTHER, PARTNER, SP
 from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
-from orbits.marching.watching.watcher import ENERGY, SUSPECT
+from orbits.marching.watching.leg_observers import ENERGY, SUSPECT
 
 from ..problems import belt
 

@@ -12,7 +12,7 @@ from orbits.errors import InputError, RetiredWarning, SingularityError, StepWarn
 from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
 from orbits.terms import ZonalHarmonics
 

@@ -13,7 +13,7 @@ from orbits.errors import InputError, StepWarning
 from orbits.events import CloseApproach, CloserThan
 from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.planet_excursions import PlanetExcursions
 from orbits.methods import SABA
 from orbits.terms import PostNewtonian, ZonalHarmonics

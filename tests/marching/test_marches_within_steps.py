@@ -3,7 +3,7 @@
 import numpy as np
 
 import orbits
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs import within_step
 from orbits.propagation.marchers import bound
 

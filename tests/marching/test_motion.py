@@ -9,7 +9,7 @@ import orbits
 from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.integrators.stormer_verlet import kick_drift_kick
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.propagation.marchers import march_of
 from orbits.system.model import model
 

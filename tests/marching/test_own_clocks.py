@@ -13,7 +13,7 @@ from orbits.kernels.gravity.pair_sums import attraction, close_attraction, gross
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.kernels.steps import Method, Model
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.bodies_between import PLACES, chart, place_bodies
 from orbits.marching.following.own_clocks import proposed
 from orbits.propagation.marchers import bound

@@ -11,7 +11,7 @@ import orbits
 from orbits.archive import Archive, ArchiveWriter
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
 from orbits.marching.watching import passage_list
 from orbits.propagation.marchers import bound

@@ -7,7 +7,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.own_clocks import SHORTEST
 from orbits.propagation.marchers import bound
 from orbits.propagation.results import refinement

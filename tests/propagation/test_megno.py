@@ -11,7 +11,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import InputError, RetiredWarning, StepWarning
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.tangents.in_maps import MapTangents
 from orbits.marching.tangents.of_particles import ParticleTangents
 from orbits.propagation.events.particles import with_light

@@ -13,7 +13,7 @@ from orbits import kepler_flow
 from orbits.errors import IntegrationError, RetiredWarning
 from orbits.events import CloserThan
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
 from orbits.propagation.marchers import bound
 from orbits.regression import peers

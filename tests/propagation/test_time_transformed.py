@@ -13,7 +13,7 @@ from orbits.archive.header import from_items, to_items
 from orbits.diagnostics.tangent import symplecticity_defect
 from orbits.errors import ArchiveError, ConvergenceError, InputError, SingularityError
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
 from orbits.propagation.marchers import bound
 

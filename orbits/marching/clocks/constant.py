@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,7 @@ from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag
 from orbits.kernels.clocks import CONSTANT_STEPS, LENGTH
 from orbits.kernels.dense import times_reached
+from orbits.marching.clocks.step_times import Part, Place, StepTimes, Way
 
 STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
@@ -32,23 +33,13 @@ def rounded_step(dt: float) -> float:
     return math.ldexp(round(math.ldexp(mantissa, STEP_BITS)), exponent - STEP_BITS)
 
 
-class Place(NamedTuple):
-    """The place of a time in a march: a number of whole steps, and the remaining time, with the sign of a step.
-
-    With a clock whose steps differ, there are no whole steps, and the rest is the time itself.
-    """
-
-    steps: int
-    rest: float
-
-
 class Clock:
     """The times of the steps of a run: a frozen value.
 
     timing : the tag by which compiled code identifies it
     refined_by : what is made smaller for more accuracy, in words
-    passage_limits : which passages are listed, see `orbits.marching.watching.watcher.thresholds`, if that does not
-        depend on the method
+    passage_limits : which passages are listed, see `thresholds` in `orbits.marching.watching.leg_observers`, if that
+        does not depend on the method
     direction : 1 forwards in time, -1 backwards
     h : the length of its steps, with that sign; NaN if they differ
 
@@ -119,164 +110,6 @@ class Clock:
     def time_at(self, place: Place) -> float:
         """Return the time, since the start of the run, of a place: of no whole steps its rest."""
         return float(self.time(place.steps)) + place.rest
-
-
-class StepTimes:
-    """When the steps of one leg are: all that its loop has to know of its clock.
-
-    clock : of the leg; start : the time at which it begins
-    step : whole steps taken; counted after each block
-    arrived : whether the last block ended before a step that would pass its limit
-    end_anywhere : whether the leg itself can end within a step, though it cannot go on from there
-    """
-
-    arrived = False
-    end_anywhere: ClassVar[bool] = False
-
-    def __init__(self, clock: Clock, start: float) -> None:
-        self.clock, self.start, self.step = clock, start, 0
-
-    def bind(self, state: Mapping[str, Array], room: Array, block: int) -> None:
-        """Take the arrays of the leg; room : the workspace of the clock for blocks of `block` steps."""
-
-    @property
-    def time(self) -> float:
-        """The time reached, since the start of the run."""
-        raise NotImplementedError
-
-    @property
-    def reading(self) -> float:
-        """The reading of the clock: whole steps, or the time."""
-        raise NotImplementedError
-
-    def numbers(self, state: Mapping[str, Array], clock: Clock) -> Array:
-        """Return what compiled code needs to know of a clock, of this leg or of a part of a step, for a block that
-        begins at a state.
-        """
-        raise NotImplementedError
-
-    def length(self, numbers: Array) -> float:
-        """Return the length of the steps of a block, or about that."""
-        raise NotImplementedError
-
-    def origin(self, numbers: Array) -> float:
-        """Return the time from which observers count: 0, as they count steps, or that at the beginning of the block."""
-        return 0.0
-
-    def failed_at(self, numbers: Array, done: int) -> float:
-        """Return the time at which a step began that failed, after `done` steps of a block."""
-        raise NotImplementedError
-
-    def aim(self, place: Place) -> None:
-        """Let the next blocks lead up to a place, and not beyond."""
-
-    def is_before(self, place: Place) -> bool:
-        """Return whether there may be whole steps left before a place."""
-        raise NotImplementedError
-
-    def most(self, place: Place) -> int:
-        """Return how many steps there are at the most before a place."""
-        return UNLIMITED
-
-    def note(self, count: int, numbers: Array) -> None:
-        """Take note of a block of `count` steps of the leg that was just marched, and of its lengths."""
-        raise NotImplementedError
-
-    def forget(self) -> None:
-        """Take note that there is no last block."""
-        raise NotImplementedError
-
-    def lengths(self) -> Array:
-        """Return the lengths of the steps of the last block, (steps,)."""
-        raise NotImplementedError
-
-    def ends(self) -> Array:
-        """Return the times at which the steps of the last block begin, and its end, (steps + 1,)."""
-        raise NotImplementedError
-
-    def pairs(self) -> Array:
-        """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
-        raise NotImplementedError
-
-    def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
-        """Return the steps of the last block in which readings lie, counted from 0."""
-        raise NotImplementedError
-
-    @property
-    def origin_now(self) -> float:
-        """The time from which observers count at the end of a leg."""
-        return 0.0
-
-    def is_at(self, place: Place) -> bool:
-        """Return whether a place, up to which the leg has advanced, is where it is."""
-        raise NotImplementedError
-
-    def ahead(self, offset: float) -> Place:
-        """Return the place of a time after the one reached."""
-        raise NotImplementedError
-
-    def place_of(self, time: float) -> Place:
-        """Return the place of a time less than a step ahead."""
-        raise NotImplementedError
-
-    def next_place(self) -> Place:
-        """Return the place to which the next step leads, or one beyond it."""
-        raise NotImplementedError
-
-    def part(self, place: Place) -> Part:
-        """Return how to get from the whole steps taken to a place less than a step ahead."""
-        raise NotImplementedError
-
-    def aim_exactly(self, copy: Mapping[str, Array], place: Place) -> None:
-        """Let the last step of a copy of the state end at a place, where the clock of the leg goes on."""
-
-    def before_next(self, times: Array) -> int:
-        """Return how many of these ascending times, the first of which is ahead, lie before the next step, if copies
-        can be marched to each at once.
-        """
-        return 0
-
-    def way(self, time: float) -> Way:
-        """Return how another leg gets from here to a time less than a step ahead, where it ends."""
-        raise NotImplementedError
-
-    def hand_on(self, leg: Any, end: Any) -> None:
-        """Let a leg that ends within the next step of this one, see `way`, begin where this one is."""
-        raise NotImplementedError
-
-    def end_exactly(self) -> None:
-        """Let the last step end exactly at the place that is approached: from there the leg cannot go on."""
-
-    def reading_in_part(self, reading: Any, time: float) -> Any:
-        """Return the reading of this clock for one of a leg that covers the part of a step up to a time."""
-        raise NotImplementedError
-
-
-class Part(NamedTuple):
-    """The way to a place within a step, on a copy of the state: by steps of a clock, and the most of them in a block.
-
-    is_cold : whether it is a single step of another length, for which the carry is made anew
-    """
-
-    clock: Clock
-    most: int
-    is_cold: bool
-
-
-class Way(NamedTuple):
-    """The way to a time within a step, by a leg of its own: its clock, its start, and the place of that time in it.
-
-    continued : the arrays of the state that it takes over as they are, besides positions and velocities
-    """
-
-    clock: Clock
-    start: float
-    place: Place
-    continued: tuple[str, ...] = ()
-
-
-UNLIMITED = 1 << 62
-"""The number of steps of a block that nothing limits."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from orbits.integrators.forms import Array
 from orbits.kernels.compile import kernel
 from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
-from orbits.marching.clocks.constant import Clock, Part, Place, StepTimes, Way
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.step_times import Part, Place, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10
 """The state of such a clock: the time reached, in doubled precision; the last step; the direction 1 or -1; the time

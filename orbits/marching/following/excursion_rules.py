@@ -29,7 +29,7 @@ from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_of_bodies
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.kepler_passages import near_planets
-from orbits.marching.watching.watcher import Watcher
+from orbits.marching.watching.leg_observers import Observers
 
 METHOD = Gauss(stages=8)
 """The method of a particle's own steps."""
@@ -87,7 +87,7 @@ class WithExcursions(Follower):
         """Return the number of rows of eight that each particle keeps from block to block."""
         return form.particle_carry_rows + MORE_ROWS
 
-    def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
+    def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         h, order = float(block.numbers[LENGTH]), in_order(block.begun, len(self._followed.near[0]))
         self._coefficients[...] = coefficients_of(self._followed.form, h)
         now = _ordered(block.parameters, order)
@@ -99,7 +99,7 @@ class WithExcursions(Follower):
             arrays = [memory.own.arrays for memory in self._memories]
             watcher.follow_own_steps(arrays, (round(block.numbers[FIRST]), h), self._followed.radii)
 
-    def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, Excursions]:
+    def _own(self, member: int, block: Block, watcher: Observers | None) -> tuple[Room, Excursions]:
         room, memory = self._room(member, watcher), self._memories[member]
         context = 0 if watcher is None else watcher.own_steps.addresses[member]
         stepping = memory.own.stepping(memory.numbers, memory.steps, block.path, (room.observer, context))

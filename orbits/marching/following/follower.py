@@ -17,7 +17,7 @@ from orbits.marching.following.contract import Block, Followers, Room, follow_bl
 from orbits.marching.following.in_lanes import IN_LANES, ONE_BY_ONE
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
-from orbits.marching.watching.watcher import Watcher
+from orbits.marching.watching.leg_observers import Observers
 
 
 class Follower:
@@ -48,7 +48,7 @@ class Follower:
         """Return the number of rows of eight that each particle keeps from block to block."""
         return form.particle_carry_rows
 
-    def follow(self, tags: tuple[Tag, Tag, Tag], block: Block, particles: Followers, watcher: Watcher | None) -> int:
+    def follow(self, tags: tuple[Tag, Tag, Tag], block: Block, particles: Followers, watcher: Observers | None) -> int:
         """March particles through a block of steps, in which those that are lost are noted in `particles.retired`;
         return how many evaluations there were.
 
@@ -69,14 +69,14 @@ class Follower:
         self._helpers.run(follow_block, arguments, steps)
         return sum(int(evaluations[0]) for evaluations in self._evaluations)
 
-    def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
+    def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         """Prepare for a block of steps: by default nothing."""
 
-    def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, Any]:
+    def _own(self, member: int, block: Block, watcher: Observers | None) -> tuple[Room, Any]:
         """Return the room of a thread, and the record of this way of following."""
         return self._room(member, watcher), None
 
-    def _room(self, member: int, watcher: Watcher | None) -> Room:
+    def _room(self, member: int, watcher: Observers | None) -> Room:
         observer, context = (0, 0) if watcher is None else (watcher.observer, watcher.contexts.addresses[1 + member])
         scratch, track = self._rooms[member]
         return Room(scratch, track, observer, context, self._evaluations[member])

@@ -17,7 +17,7 @@ from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, OwnSteppi
 from orbits.marching.following.own_steps_log import BESIDES, Log
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
-from orbits.marching.watching.watcher import Watcher
+from orbits.marching.watching.leg_observers import Observers
 
 
 class OwnMemory:
@@ -74,11 +74,11 @@ class ByOwnSteps(Follower):
         self.following = BY_OWN_STEPS
         self._memories = [OwnMemory(form, coefficients, n, steps) for _ in range(helpers.members)]
 
-    def _prepare(self, block: Block, watcher: Watcher | None, steps: int) -> None:
+    def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         if watcher is not None:
             watcher.follow_own_steps([memory.arrays for memory in self._memories])
 
-    def _own(self, member: int, block: Block, watcher: Watcher | None) -> tuple[Room, OwnStepping]:
+    def _own(self, member: int, block: Block, watcher: Observers | None) -> tuple[Room, OwnStepping]:
         room = self._room(member, watcher)
         context = 0 if watcher is None else watcher.own_steps.addresses[member]
         steps = block.times, block.stages, block.path, block.carries

@@ -6,7 +6,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple
 
 from orbits.errors import IntegrationError
-from orbits.marching.clocks.constant import UNLIMITED
+from orbits.marching.clocks.step_times import UNLIMITED
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg

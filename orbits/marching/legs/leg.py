@@ -20,7 +20,8 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching.clocks.constant import Clock, Place, clock_of
+from orbits.marching.clocks.constant import Clock, clock_of
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import OwnSteps
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
@@ -34,8 +35,8 @@ from orbits.marching.legs.record import Record, record
 from orbits.marching.legs.stepper import State, Stepper
 from orbits.marching.legs.ways import way_of
 from orbits.marching.stepping.motion import Motion
+from orbits.marching.watching.leg_observers import Observers, empty_record, limits_of
 from orbits.marching.watching.passage_list import PassageList
-from orbits.marching.watching.watcher import Watcher, empty_record, limits_of
 
 
 def available_threads() -> int:
@@ -75,7 +76,7 @@ class Leg(March):
             )
         sees_dominant = surfaces is not None and self.way.pericentres and bool(surfaces[int(gm.argmax())])
         limits = limits_of(problem.integrator, self.clock, sees_dominant)
-        self.observers = Watcher(
+        self.observers = Observers(
             problem.strength,
             problem.bodies,
             problem.particles,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from orbits.errors import IntegrationError
-from orbits.marching.clocks.constant import UNLIMITED
+from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
 from orbits.marching.stepping.failures import refused_meeting
 from orbits.marching.watching import kepler_passages
@@ -91,7 +91,7 @@ class Bounds(LegWatcher):
     """Ends a leg after a step in which a pair may come to its bound, two bodies may touch, or the energy error is above
     its bound.
 
-    met : why the leg ended: `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watching.watcher`, or None
+    met : why the leg ended: `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watching.leg_observers`, or None
     passes : whether the next step is taken whatever pairs come to their bounds in it
     """
 

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
-from orbits.marching.clocks.constant import Clock, Place
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 
 if TYPE_CHECKING:

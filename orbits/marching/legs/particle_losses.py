@@ -12,7 +12,7 @@ from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
 from orbits.kernels.search.record import COLUMNS, MATE, ROW, WHEN
 from orbits.kernels.steps import NEAR_A_PLANET, OK
-from orbits.marching.clocks.constant import UNLIMITED
+from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.following import losses
 from orbits.marching.following.losses import Contact, Suspect
 from orbits.marching.following.retirement import Lost, Retired, Retirement, earlier, hit, retirements

@@ -24,7 +24,8 @@ from orbits.integrators.forms import Array
 from orbits.kernels.steps import NEAR_A_PLANET
 from orbits.marching.clocks import variable_steps
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import ConstantSteps, Place
+from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.following.retirement import Lost, Retirement

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
-from orbits.marching.clocks.constant import UNLIMITED
+from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.legs.interruptions import Interruption, LegWatcher
 
 if TYPE_CHECKING:

@@ -14,7 +14,8 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NOT_CONVERGED, OK, TOO_SHORT
-from orbits.marching.clocks.constant import Clock, StepTimes
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.step_times import StepTimes
 from orbits.marching.following.excursion_rules import OwnSteps
 from orbits.marching.legs.problem import Problem
 from orbits.marching.stepping.bound_loops import BoundLoops
@@ -22,7 +23,7 @@ from orbits.marching.stepping.failures import failure_of_bodies, meeting
 from orbits.marching.stepping.partial_steps import PartialSteps
 
 if TYPE_CHECKING:
-    from orbits.marching.watching.watcher import Watcher
+    from orbits.marching.watching.leg_observers import Observers
 
 State = dict[str, Array]
 _NOTHING = np.zeros(0)
@@ -93,7 +94,7 @@ class Stepper:
         clock: Clock,
         numbers: Array,
         retired: NDArray[np.int64],
-        observers: Watcher | None,
+        observers: Observers | None,
         count: int,
     ) -> None:
         """Let the massless particles follow the `count` steps that the bodies have just taken.

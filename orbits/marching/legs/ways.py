@@ -19,8 +19,8 @@ from orbits.marching.following.losses import Contact
 from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.following.particle_excursions import PART, parts_taken
 from orbits.marching.following.retirement import HIT, Lost, kind_of
+from orbits.marching.watching.leg_observers import Observers
 from orbits.marching.watching.passage_list import BlockList
-from orbits.marching.watching.watcher import Watcher
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
@@ -43,7 +43,7 @@ class InLanes:
         """Return which particles take steps of their own at a state, (particles,)."""
         return np.zeros(len(state["particle_memory"]), dtype=bool)
 
-    def lists(self, observers: Watcher) -> list[BlockList]:
+    def lists(self, observers: Observers) -> list[BlockList]:
         """Return the lists of passages by steps of their own."""
         return []
 
@@ -76,7 +76,7 @@ class InMap(InLanes):
         """Return which particles are away from the map."""
         return np.asarray(state["particle_memory"][:, 0, NUMBER] == ELSEWHERE)
 
-    def lists(self, observers: Watcher) -> list[BlockList]:
+    def lists(self, observers: Observers) -> list[BlockList]:
         """Return the lists of passages by steps of their own."""
         return observers.own_lists
 
@@ -121,7 +121,7 @@ class ByOwnClocks(InLanes):
         """Return all."""
         return np.ones(len(state["particle_memory"]), dtype=bool)
 
-    def lists(self, observers: Watcher) -> list[BlockList]:
+    def lists(self, observers: Observers) -> list[BlockList]:
         """Return the lists of passages, all by steps of their own."""
         return observers.lists
 

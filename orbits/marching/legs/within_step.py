@@ -8,7 +8,7 @@ import numpy as np
 
 from orbits.integrators.forms import Array
 from orbits.kernels.steps import NOWHERE
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.problem import Problem
 

@@ -22,7 +22,7 @@ from orbits.marching.stepping import driver
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.parallel import Parallel, shares
 from orbits.marching.stepping.pool import Helpers, Pool
-from orbits.marching.watching.watcher import Watcher
+from orbits.marching.watching.leg_observers import Observers
 
 STAGES_BYTES = 512 * 1024
 """Size of the recorded stages and of the states of eight particles: they should stay in the second-level cache."""
@@ -266,7 +266,7 @@ class BoundLoops:
         state: dict[str, Array],
         bound: tuple[Any, ...],
         retired: NDArray[np.int64],
-        watcher: Watcher | None,
+        watcher: Observers | None,
         count: int,
     ) -> int:
         """March the massless particles through the `count` steps that the bodies have just taken; return how many

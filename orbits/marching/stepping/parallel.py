@@ -24,7 +24,7 @@ from orbits.kernels.search.record import COLUMNS, QUANTITIES, enter_record, note
 from orbits.kernels.state import all_finite, copy
 from orbits.kernels.steps import NOT_FINITE, OK
 from orbits.marching.stepping.driver import march_together
-from orbits.marching.watching.watcher import Watcher
+from orbits.marching.watching.leg_observers import Observers
 
 LEAST_BODIES = 1000
 """The number of bodies above which synchronizing threads is much faster than a force evaluation."""
@@ -154,8 +154,8 @@ class Parallel:
         status = OK if all_finite(q, p, self._size) else NOT_FINITE
         return status, steps, 0, int(self._rounds[0, 1])
 
-    def follow(self, watcher: Watcher, h: float, steps: int) -> None:
-        """Search for closest approaches among the bodies, as `Watcher.follow` does."""
+    def follow(self, watcher: Observers, h: float, steps: int) -> None:
+        """Search for closest approaches among the bodies, as `Observers.follow` does."""
         self._parts.share(watcher.contexts, own=("record", "passages", "listed"))
         self._threads.run(follow_together, watcher.contexts.addresses[0], h, steps, self._addresses)
         whole = watcher.lists[0]

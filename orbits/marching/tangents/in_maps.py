@@ -24,7 +24,7 @@ from orbits.kernels.tangents.through_maps import (
     leave_with_vectors,
 )
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_for
 from orbits.marching.tangents.in_lanes import InLanes

@@ -20,7 +20,8 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
 from orbits.kernels.tangents.of_particles_in_maps import NEAR, SHARP, WHICH, Judged, follow_particles
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching.clocks.constant import ConstantSteps, Place
+from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.bound_loops import BoundLoops, numbers_of
 from orbits.marching.stepping.choice_of_form import form_for, form_of_bodies

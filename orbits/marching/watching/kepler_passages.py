@@ -40,8 +40,8 @@ the map takes a particle past it."""
 
 
 def listed(least: int) -> tuple[float, float, float]:
-    """Return the limits for the list of passages, see `orbits.marching.watching.watcher.thresholds`: all flybys within
-    the reach of a planet, and all pericentres with fewer than `least` steps in a full turn.
+    """Return the limits for the list of passages, see `orbits.marching.watching.leg_observers.thresholds`: all flybys
+    within the reach of a planet, and all pericentres with fewer than `least` steps in a full turn.
     """
     return math.inf, 0.0, 2.0 * math.pi / least
 

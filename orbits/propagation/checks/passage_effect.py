@@ -31,7 +31,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.gauss import Gauss
 from orbits.kernels.search.apsides import apsides_of
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.point_masses import PointMasses
 from orbits.propagation.events.particles import LIGHT
 from orbits.propagation.marchers import march_of

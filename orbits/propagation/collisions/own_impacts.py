@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.marching.clocks.adaptive import FIRST_THETA, THETA
-from orbits.marching.clocks.constant import Place
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.own_clocks import BEFORE, NEXT, SHORTEST, STRETCH
 from orbits.marching.legs.planet_excursions import Legs

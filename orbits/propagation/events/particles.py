@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from orbits.errors import EventError, IntegrationError, with_unit
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock, Place
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, IntegrationError
-from orbits.marching.watching.watcher import SUSPECT
+from orbits.marching.watching.leg_observers import SUSPECT
 from orbits.propagation.events.along_motion import SAME, MotionSearch
 from orbits.propagation.events.asked import Asked
 from orbits.propagation.events.base import STOP, Found, Sample, Sought

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import padded
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock, Place
+from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.propagation.events.particles import with_light
 from orbits.propagation.marchers import bound, march_of

@@ -13,8 +13,9 @@ from orbits.errors import ArchiveError, Interrupted, StorageError
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.control.stop_conditions import Conditions
-from orbits.propagation.loop import Run, RunEnds, march_into
+from orbits.propagation.loop import Run, march_into
 from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
+from orbits.propagation.run_ends import RunEnds
 from orbits.time_grid import TimeGrid
 from orbits.trajectory.archived import made_by
 

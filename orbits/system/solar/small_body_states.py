@@ -69,7 +69,7 @@ def carried(cls: type[System], q: Floats, v: Floats, day: float, span: float) ->
     if span == 0.0:
         return q, v
     from orbits.integrators.gauss import Gauss
-    from orbits.marching.clocks.constant import Place
+    from orbits.marching.clocks.step_times import Place
     from orbits.marching.legs.leg import Leg
     from orbits.system.model import model
 

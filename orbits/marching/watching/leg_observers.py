@@ -93,7 +93,7 @@ def empty_record(rows: int, wanted: bool = True) -> Array:
     return record
 
 
-class Watcher:
+class Observers:
     """What may end the march of one bound system, and its closest approaches.
 
     parameters : vector of the Lagrangian's kernels; gm from its second element on

@@ -1,0 +1,199 @@
+"""What may end a run before its last sample: conditions, callbacks, events of massive and of massless bodies."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.integrators.base import Integrator
+from orbits.marching.legs.march import March
+from orbits.marching.watching.leg_observers import ENERGY
+from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver
+from orbits.propagation.control.wall_clock import Deadline
+from orbits.propagation.events.base import Found, Happening, Sample, Sought
+from orbits.propagation.events.particles import ParticleSearches
+from orbits.propagation.events.seeking import Seeking
+from orbits.results.stop import Stop
+from orbits.system import System
+from orbits.time_grid import TimeGrid
+from orbits.trajectory.changes import at_time
+from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
+from orbits.trajectory.retired import absent, moved
+
+if TYPE_CHECKING:
+    from orbits.propagation.chain_of_legs import ChangingMarch
+
+Array = NDArray[np.float64]
+Callback = Callable[[u.Quantity, System], object]
+
+
+
+@dataclass
+class RunEnds:
+    """The conditions that may end a run early, and the one that did.
+
+    before : the sample from which the run goes on; deadline : the limit of its wall time, if there is one
+    """
+
+    conditions: Conditions
+    callback: Callback | None
+    check_step: bool
+    events: Seeking
+    before: Sample | None = None
+    deadline: Deadline | None = None
+    stopped: Stop | None = None
+    begun: float = 0.0
+
+    def ended(self, system: System, marcher: March) -> bool:
+        """Return whether a condition that ends the run holds, and note it."""
+        if marcher.ended is not None:
+            row, bodies = marcher.ended
+            names = " and ".join(system.names[int(k)] for k in row[[BODY, OTHER]])
+            event = self.events.event_of(int(row[NUMBER]))
+            self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
+            return True
+        found = self.conditions.exceeded() if marcher.met == ENERGY else None
+        found = found or self.conditions.overdue(time.perf_counter() - self.begun)
+        if found is None and self.deadline is not None and self.deadline.over:
+            found = self.deadline.words, WallTimeOver(self.deadline.seconds)
+        if found is not None:
+            self.note(system, marcher, marcher.time, marcher.state(), *found)
+        return found is not None
+
+    def interrupted(self, system: System, marcher: March, found: Found | None) -> bool:
+        """Return whether an event ends the run, and note it; others that interrupt it act."""
+        if found is None:
+            return False
+        state = marcher.state_after(found.time - marcher.time)
+        at = moved_on(system, marcher, found.time, *state) if self.events.touching else None
+        happening = self.events.happening(found, state, at)
+        then = happening.event.then
+        if not isinstance(then, str):
+            try:
+                changed = then.act(happening)
+                if changed is not None:
+                    cast("ChangingMarch", marcher).change(happening.kind, found.time, *state, happening.system, changed)
+            except Exception:
+                self.events.log.drop_from(found.time)  # a run that is resumed acts there
+                raise
+            if changed is not None:
+                self.events.follow(cast("ChangingMarch", marcher).now)
+            return False
+        self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
+        self.end_at(system, marcher, happening, found.time, state)
+        return True
+
+    def end_at(
+        self, system: System, marcher: March, happening: Happening, time: float, state: tuple[Array, Array]
+    ) -> None:
+        """Note the event that ends the run."""
+        names = [name for name in (happening.body, happening.other) if name is not None]
+        reason = " and ".join(names) + ": " * bool(names) + happening.kind
+        self.note(system, marcher, time, state, reason, self.conditions.given(happening.event))
+
+    def after(self, marcher: March) -> Found | None:
+        """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
+        if self.events.touching:
+            return cast("Found | None", marcher.found)  # it seeks them itself, from collision to collision
+        return self.events.after(marcher.current)
+
+    def ahead(self, marcher: March, time: float) -> Found | None:
+        """Return the first event that interrupts the run before a time less than a step ahead, if any."""
+        if self.events.touching or self.events.act:
+            return self.events.before_in(cast("ChangingMarch", marcher).steps_beyond(time), time)
+        found = None
+        if self.events.stops is not None:
+            found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))
+        return found or self.events.ahead(marcher.current, time)
+
+    def at_a_bound(self, marcher: March, sample: Sample) -> Found | None:
+        """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
+        return self.events.before_sample(marcher.current, sample)
+
+    def note(
+        self,
+        system: System,
+        marcher: March,
+        now: float,
+        state: tuple[Array, Array],
+        reason: str,
+        condition: Condition | Sought | None,
+    ) -> None:
+        """Record the reason, the time and the state: q and v, (bodies, 3)."""
+        at = moved_on(system, marcher, now, *state)
+        t = u.Quantity(now, system.units.time)
+        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
+
+
+class ParticlesOfRun:
+    """The events of massless bodies along the loop of a run."""
+
+    def __init__(
+        self, system: System, integrator: Integrator, marcher: March, grid: TimeGrid, watch: RunEnds
+    ) -> None:
+        begun = watch.before or Sample(0.0, system.values.q, system.values.v)
+        self._system, self._watch, self._marcher = system, watch, marcher.current
+        self._followed = ParticleSearches(system, integrator, grid.clock, watch.events, begun)
+        self._clock, self._kept = grid.clock, self._now()
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._followed)
+
+    def reach(self, sample: Sample) -> bool:
+        """Seek events up to the next sample, before it is stored; return whether one of them ends the run."""
+        if not self._followed:
+            return False
+        if self._ends_by(sample.time, sample):
+            return True
+        self._followed.go_on(Sample(sample.time, sample.q.copy(), sample.v.copy()))
+        self._kept = self._now()
+        return False
+
+    def end(self) -> None:
+        """Seek events up to the time at which the run was ended, if it was; an earlier one ends it instead."""
+        stopped = self._watch.stopped
+        if self._followed and stopped is not None:
+            self._ends_by(float(stopped.time.value), None)
+
+    def _ends_by(self, time: float, end: Sample | None) -> bool:
+        if (time - self._followed.last.time) * self._clock.direction <= 0.0:
+            return False
+        system, watch, marcher = self._system, self._watch, self._marcher
+        lost = {one.body: float(self._clock.time(one.reading)) for one in marcher.retired()}
+        first = self._followed.seek(time, lost, end)
+        if first is None:
+            return False
+        search, found = first
+        state = self._followed.state_at(found.time)
+        watch.end_at(system, marcher, search.happening(found, state), found.time, state)
+        if self._kept is not None:
+            # The march has gone beyond: an archive goes on from the last sample, and finds again what comes after.
+            checkpoint, firm = self._kept
+            if (found.time - marcher.time) * self._clock.direction > 0.0:
+                watch.events.before(marcher, found.time, record=True)
+            watch.events.flush()
+            watch.events.log.drop_after(found.time)
+            watch.events.log.firm = min(firm, len(watch.events.log.rows))
+            marcher.restore(checkpoint)
+        return True
+
+    def _now(self) -> tuple[dict[str, NDArray[np.generic]], int] | None:
+        """Return where the march is, and how many of its events are firm, if particles may end it after that."""
+        if not self._followed.stops:
+            return None
+        self._watch.events.flush()
+        return self._marcher.checkpoint(), self._watch.events.log.firm
+
+
+def moved_on(system: System, marcher: March, t: float, q: Array, v: Array) -> System:
+    changes = marcher.changes()
+    if changes is not None:
+        return at_time(system, changes, q, v, t)
+    return moved(system, q, v, t, absent(q, v, system.massive))
