@@ -369,18 +369,20 @@ class ChangingMarch(March):
         """Go on from a changed state at a time in the step that begins where the march `start` is."""
         self.changed, self._ahead = True, None
         clock: Clock = self.clock
+        begun, steps = time, start.step
         if not clock.changes:
-            self._grid = self._grid if self._grid >= 0 else start.step
-            rest = float(clock.time(self._grid + 1)) - time
-            clock = ConstantSteps(rest)
-            if rest * self.clock.direction <= 0.0:  # a collision at the very end of the step
-                self._grid, clock = -1, self.clock
-        old, lost, steps = self._marcher, self._marcher, start.step + (not clock.changes)
+            grid = self._grid if self._grid >= 0 else start.step
+            rest = float(clock.time(grid + 1)) - time
+            if rest * clock.direction > 0.0:
+                self._grid, clock = grid, ConstantSteps(rest)
+            else:  # at the very end of the step: the next one is whole
+                self._grid, begun, steps = -1, 0.0, grid + 1
+        old, lost = self._marcher, self._marcher
         if clock.changes and not self._of.massive.all():  # by then, not by the end of the step
             lost = self._of.again(old, ending(start.checkpoint()))
             lost.advance_to(Place(0, time))
         self._of.begin_leg()
-        self._marcher = self._of.march(state.q[self._of.there], state.v[self._of.there], clock, time)
+        self._marcher = self._of.march(state.q[self._of.there], state.v[self._of.there], clock, begun)
         self._marcher.home.losses.go_on_from(self._marcher.home, lost.home)
         self._marcher.home.stepper.take_counts(old.home.stepper)
         self._marcher.block = FIRST_BLOCK

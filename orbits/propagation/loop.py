@@ -1,4 +1,4 @@
-"""The loop of a run from sample to sample, and all the ways in which it can end."""
+"""The loop of a run from sample to sample, and what becomes of it at its end."""
 
 from __future__ import annotations
 

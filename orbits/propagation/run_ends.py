@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
 
 
-
 @dataclass
 class RunEnds:
     """The conditions that may end a run early, and the one that did.
@@ -193,6 +192,7 @@ class ParticlesOfRun:
 
 
 def moved_on(system: System, marcher: March, t: float, q: Array, v: Array) -> System:
+    """Return the system at a time, with q and v, (n, 3), and the bodies that are there."""
     changes = marcher.changes()
     if changes is not None:
         return at_time(system, changes, q, v, t)

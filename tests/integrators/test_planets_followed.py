@@ -13,8 +13,10 @@ from orbits.errors import InputError, StepWarning
 from orbits.events import CloseApproach, CloserThan
 from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.planet_excursions import PlanetExcursions
+from orbits.marching.legs.problem import Problem
 from orbits.methods import SABA
 from orbits.terms import PostNewtonian, ZonalHarmonics
 
@@ -150,13 +152,14 @@ def test_planets_that_have_exchanged_places_are_numbered_anew():
     """Two Neptunes: the order of their orbits at the start is not that after their encounters."""
     start = planets(5.15e-5, (5.0, 5.3), 0.08, seed=3)
     gm, q, v, _ = start.values
-    march = PlanetExcursions(newtonian, FOLLOW, parameters(gm), gm > 0.0, q, v, 100.0, retire=True)
+    problem = Problem(newtonian, FOLLOW, parameters(gm), gm > 0.0, ConstantSteps(100.0), retire=True)
+    march = PlanetExcursions(problem, q, v)
     first, exchanged = outwards(gm, *march.state()), 0
     for k in range(1, 400):
         march.advance_to(Place(20 * k, 0.0))
         rows, _ = march.excursions()
         if not march.is_away and len(rows) and march.step == rows[-1, 1]:
-            order = [0, *(int(x) for x in march.stepper.state["memory"][14, : len(gm) - 1])]
+            order = [0, *(int(x) for x in march.home.stepper.state["memory"][14, : len(gm) - 1])]
             assert order == outwards(gm, *march.state())
             exchanged += order != first
     assert exchanged
@@ -287,6 +290,23 @@ def test_particles_that_hit_a_planet_on_an_excursion_are_retired_there(tmp_path)
     assert np.isfinite(run.q[-1, 4]).all()
     opened = orbits.Trajectory.open(run.path)
     assert opened.retired.to_records() == run.retired.to_records()
+
+
+def test_radii_change_nothing_without_particles_that_are_followed():
+    """The radii of bodies matter to particles that are followed to their surfaces, and to nobody else."""
+    started = ((4.0, 0.6), (12.0, 0.8), (12.0, 0.7), (4.5, 0.7))
+    for particles in ((), started):
+        plain = planets(particles=particles)
+        radii = np.where(plain.massive, 1e-7, 0.0)
+        radii[0] = 2.2
+        runs = [
+            orbits.propagate(system, FOLLOW, duration=100 * u.yr, samples=3, check_step=False, **OPTIONS)
+            for system in (plain, plain.replaced(radii=radii))
+        ]
+        assert len(runs[0].excursions) == len(runs[1].excursions) > 0
+        assert len(runs[0].retired) == len(runs[1].retired)
+        assert np.array_equal(runs[0].q.value, runs[1].q.value, equal_nan=True)
+        assert np.array_equal(runs[0]._record.listed, runs[1]._record.listed)
 
 
 def test_a_dt_too_long_is_warned_of_and_refused_though_planets_are_followed():

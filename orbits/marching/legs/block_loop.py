@@ -54,6 +54,7 @@ class BlockLoop:
             last = self._attempt(most)
             errors = [watcher.commit(leg, begun, last) for watcher in (*self.watchers, *self.listeners)]
         except BaseException:  # an interrupt: return to the state after the last complete block
+            leg.losses.retired.return_to(begun)
             self.replay(0)
             leg.times.step = begun
             raise
@@ -191,3 +192,6 @@ class BlockLoop:
         finally:
             leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
             leg.listing.passages.put_back(listed)
+            leg.times.forget()
+            self.taken = 0
+            self._forget()

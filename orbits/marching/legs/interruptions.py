@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 
 class Kind(IntEnum):
-    """Why a block ends at a step. Of several at the same step, the last one in this order decides."""
+    """Why a block ends at a step. A watcher looks at the block that those before it have shortened: the last one that
+    finds something decides.
+    """
 
     FAILED = 0  # the step cannot be taken
     ENCOUNTER = 1  # the map cannot follow massive bodies in the step, or can again after it
@@ -42,8 +44,8 @@ class Block(NamedTuple):
 class LegWatcher:
     """What looks at the blocks of a leg. One that is absent costs nothing.
 
-    For each block: `see` after it was marched, and after each time that it is marched again, to an earlier step;
-    `look`, which returns why it ends early; and `commit`, once it is known where it ends.
+    For each block: `forget` before it is marched, and `see` after, unless it has no steps, both again whenever it is
+    marched again to an earlier step; `look`, which returns why it ends early; and `commit`, once it is known where.
     """
 
     def most(self, leg: Leg) -> int:

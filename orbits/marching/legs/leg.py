@@ -28,7 +28,7 @@ from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.legs.interruptions import LegWatcher
 from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals
-from orbits.marching.legs.march import March
+from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, record
@@ -44,7 +44,7 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class Leg(March):
+class Leg(MarchOfSameBodies):
     """A march of fixed bodies: floats in, floats out.
 
     problem : what is marched, and what is asked for along the way

@@ -16,6 +16,7 @@ from orbits.marching.following.retirement import Retirement
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
+    from orbits.marching.legs.record import Record
 
 T = TypeVar("T")
 
@@ -30,7 +31,6 @@ class March(ABC):
     """
 
     clock: Clock
-    block: int
     changed = False
     ended: Any = None
     found: Any = None
@@ -133,6 +133,20 @@ class March(ABC):
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
         """Restore a checkpoint."""
 
+
+class MarchOfSameBodies(March):
+    """A march whose bodies stay the same; block : the most steps of a block."""
+
+    block: int
+
+    @abstractmethod
+    def pass_by(self) -> None:
+        """Take the next step whatever pairs come to their bounds in it."""
+
+    @abstractmethod
+    def record(self, end: float) -> Record:
+        """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
+
     def after_next_step(self, read: Callable[[], T]) -> T:
         """Return what a function returns after the next step; the march does not change. Raises what `advance_to`
         raises.
@@ -140,7 +154,7 @@ class March(ABC):
         loop, kept, block = self.home.loop, self.checkpoint(), self.block
         listeners, loop.listeners = loop.listeners, []
         try:
-            self.current.pass_by()
+            self.pass_by()
             self.approach(self.home.times.next_place())
             return read()
         finally:

@@ -31,7 +31,7 @@ from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.following.retirement import Lost, Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import Leg
-from orbits.marching.legs.march import March
+from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.particle_losses import close_to_planets
 from orbits.marching.legs.planet_encounters import NOBODY, Clears, Encounter, Leaves, Rules, returns
 from orbits.marching.legs.problem import Problem
@@ -47,7 +47,8 @@ ROOM = 4096
 LEFT, RETURNED, BODY, OTHER_BODY = 0, 1, 2, 3
 NOT_YET = -1
 """Columns of the list of excursions: the steps before all bodies left the map and before they entered it again, or
-`NOT_YET`; and the bodies whose encounter it was, in the numbers of the caller, or `NOBODY` if the map failed."""
+`NOT_YET`; and the bodies whose encounter it was, in the numbers of the caller, or `NOBODY` (see
+`orbits.marching.legs.planet_encounters`)."""
 
 EXCURSIONS, COUNTS, LOST, PREFIX = "excursions", "excursion_counts", "excursion_lost", "away_"
 """The arrays of a checkpoint: the list, (ROOM, 4); whether all bodies are away, and how many excursions there were; the
@@ -58,10 +59,10 @@ POSITIONS = tuple(f"{whose}{x}" for whose in ("", "particle_") for x in ("q", "q
 """The arrays of positions and velocities, which both legs have."""
 
 
-class PlanetExcursions(March):
+class PlanetExcursions(MarchOfSameBodies):
     """A march of constant steps by a map on Kepler orbits, which all bodies leave for encounters of massive ones.
 
-    It has the interface of a `Leg`, and is two of them: what it shows is that of the leg of chosen steps while all
+    It is two legs, of which `home` is that of the map: what it shows is that of the leg of chosen steps while all
     bodies are away. `step` is then the number of whole steps of the map up to the time reached.
 
     problem, q, v : see `Leg`
@@ -73,8 +74,16 @@ class PlanetExcursions(March):
         leaves, clears = Leaves(), Clears()
         self._map, self._leaves = Leg(problem, q, v, leaves), leaves
         steps = Adaptive().towards(self.clock.direction)
+        surfaces = None if problem.surfaces_of_bodies is None else problem.surfaces
         away = problem.but(
-            integrator=METHOD, clock=steps, start=0.0, forces=(), energy_bound=None, radii=None, underway=False
+            integrator=METHOD,
+            clock=steps,
+            start=0.0,
+            forces=(),
+            energy_bound=None,
+            radii=None,
+            underway=False,
+            surfaces=surfaces,
         )
         try:
             self._own = Leg(away, q, v, clears)
@@ -202,8 +211,11 @@ class PlanetExcursions(March):
             if (end - self.time) * self.clock.direction > 0.0:
                 self.advance_to(self.clock.place(end))
         if self._away:
-            ahead = (end - self.time) * self.clock.direction > 0.0
-            away = seen_by(within_step.ended_at(self._own, end) if ahead else self._own)
+            ended = self._own
+            if (end - self.time) * self.clock.direction > 0.0:
+                with suppress(IntegrationError):
+                    ended = within_step.ended_at(self._own, end)
+            away = seen_by(ended)
             mine = seen_by(self._map, noting_end=False)._replace(end=self.reading)
         else:
             mine, away = self._map.record(end), seen_by(self._own, noting_end=False)
@@ -389,7 +401,7 @@ class PlanetExcursions(March):
             self._lost_at[lost] = self._read(own.stepper.state["particle_clock"][lost, REACHED])
             retired.take_over(own.losses.retired, lost, self._lost_at[lost].astype(np.int64))
         self._away, leg.times.step, self._looked, leg.block = False, step, NOT_YET, FIRST_BLOCK
-        own.bounds.passes = False
+        leg.bounds.passes, own.bounds.passes = own.bounds.passes, False
         retired.begin()
         leg.stepper.loops.enter(state, self.clock, retired.block)
         if self.problem.integrator.retires_in_encounters:
@@ -436,6 +448,7 @@ class PlanetExcursions(March):
         self._excursions, self._count = known.tolist(), count
         self._lost_at[...], self._leaves.found, self._looked = lost, None, NOT_YET
         self._map.block = self._own.block = FIRST_BLOCK
+        self._map.met = self._own.met = None
 
 
 Legs = Leg | PlanetExcursions

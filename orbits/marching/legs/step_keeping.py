@@ -31,7 +31,7 @@ def steps_apart(integrator: Integrator, massive: NDArray[np.bool_]) -> int:
 def keep_steps(
     leg: Leg, keep: Callable[[Array, Array, Array], None], take_back: Callable[[int], None] = lambda count: None
 ) -> None:
-    """Let a leg pass on its states after each block; see `StepKeeper`."""
+    """Let a leg pass on its states after each block; see `StepKeeper`. Those of chosen steps on excursions are not."""
     apart = steps_apart(leg.problem.integrator, np.asarray(leg.problem.massive))
     leg.loop.listeners.append(StepKeeper(apart, keep, take_back))
 
