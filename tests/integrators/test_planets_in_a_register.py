@@ -191,7 +191,7 @@ def test_no_passage_that_the_map_cannot_follow_is_missed_by_looking_at_kicks_alo
             every.advance(64)
             screened.advance(64)
             blind += not screened.observers.sees_path
-        listed, found = every.passages()[0], {row.tobytes() for row in screened.passages()[0]}
+        listed, found = every.listing.passages.passages, {row.tobytes() for row in screened.listing.passages.passages}
         for row in listed[cannot_follow(every, listed, gm)]:
             hard, missed = hard + 1, missed + (row.tobytes() not in found)
         assert np.array_equal(every.state(), screened.state())

@@ -12,6 +12,7 @@ from orbits.archive import Archive, ArchiveWriter
 from orbits.archive.header import from_items, to_items
 from orbits.errors import ArchiveError, InputError, SingularityError
 from orbits.marching.clocks.step_times import Place
+from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.legs.leg import Leg
 from orbits.marching.watching import passage_list
 from orbits.propagation.marchers import bound
@@ -317,9 +318,9 @@ def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
 def test_a_short_run_is_bound_once_and_marches_its_steps_in_one_block(monkeypatch):
     """A call of a millisecond, as in a fit: nothing is made or marched twice for its start, its end or its record."""
     made, blocks = [], []
-    make, block = Leg.__init__, Leg._one_block
+    make, block = Leg.__init__, BlockLoop.one_block
     monkeypatch.setattr(Leg, "__init__", lambda self, *a, **k: made.append(1) or make(self, *a, **k))
-    monkeypatch.setattr(Leg, "_one_block", lambda self, *a: blocks.append(1) or block(self, *a))
+    monkeypatch.setattr(BlockLoop, "one_block", lambda self, *a: blocks.append(1) or block(self, *a))
     run = propagate(orbits.System.solar_system(), 1 * u.yr, samples=2)
     # The second block is the part of a step up to the end, for the record of close approaches.
     assert (len(made), len(blocks)) == (1, 2)

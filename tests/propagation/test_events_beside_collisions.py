@@ -223,7 +223,11 @@ def test_no_event_is_lost_in_steps_that_are_searched_ahead_of_a_sample(monkeypat
     whole = propagate(three(), events, **options)
     assert len(whole.events) == 5
     usual = ChangingMarch._steps_before
-    monkeypatch.setattr(ChangingMarch, "_steps_before", lambda self, place: len(self.rows) > 0 and usual(self, place))
+
+    def after_a_change(self: ChangingMarch, place: Any) -> bool:
+        return len(self._of.rows) > 0 and usual(self, place)
+
+    monkeypatch.setattr(ChangingMarch, "_steps_before", after_a_change)
     assert [row[:3] for row in rows(propagate(three(), events, **options))] == [row[:3] for row in rows(whole)]
 
 

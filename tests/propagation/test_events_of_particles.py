@@ -249,7 +249,7 @@ def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(m
     real = particles.stretches
 
     def failing(march, place):
-        if march.start > 10.0:
+        if march.problem.start > 10.0:
             raise ConvergenceError("the stages did not converge", step=1, time=0.0)
         return real(march, place)
 

@@ -198,7 +198,8 @@ def what_to_do(system: System, integrator: Integrator, enough: float, what: str)
     """
     shorter = f"take dt <= {rounded_down(enough, system.units.time)} to resolve {what}" if enough else ""
     advice = instead(system, integrator)
-    none = f"no practical step resolves {what}: take a method of higher order, or softening"
+    higher = "take a method of higher order, or " * (integrator.order < HIGH)
+    none = f"no practical step resolves {what}: {higher}use softening"
     return "; or ".join(words for words in (advice, shorter) if words) or none
 
 
