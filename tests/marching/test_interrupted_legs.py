@@ -1,5 +1,8 @@
 """What the loop over blocks leaves where something fails, or begins, at an awkward place."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -72,3 +75,16 @@ def test_bodies_that_change_at_the_end_of_a_step_are_there_at_its_time(k):
     assert len(asked) == 1
     np.testing.assert_allclose(run.q[k:], rest.q, rtol=0, atol=1e-13)  # rounding of the state, in 32 steps
     assert run.times[-1] == 1.0
+
+
+def test_a_leg_is_free_as_soon_as_nobody_has_it():
+    """Its arrays take megabytes: a circle of references would keep those of thousands of short runs for a while."""
+    gc.disable()
+    try:
+        leg = march_of(FALLING, orbits.Gauss(stages=8), 2.0**-6)
+        leg.advance_to(Place(10, 0.0))
+        known = weakref.ref(leg)
+        del leg
+        assert known() is None
+    finally:
+        gc.enable()

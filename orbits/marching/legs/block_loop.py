@@ -5,6 +5,7 @@ what watchers found, and committed.
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from weakref import proxy
 
 import numpy as np
 
@@ -32,7 +33,9 @@ class BlockLoop:
     """
 
     def __init__(self, leg: Leg, watchers: list[LegWatcher]) -> None:
-        self._leg, self.watchers = leg, watchers
+        # No circle of references: the arrays of a leg, of megabytes, are free as soon as the leg is.
+        self._leg: Leg = proxy(leg)
+        self.watchers = watchers
         self.listeners: list[LegWatcher] = []
         self.begun: State = {}
         self.taken = 0

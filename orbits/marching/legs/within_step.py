@@ -49,8 +49,8 @@ def states_before_next(leg: Leg, times: Array) -> list[States]:
     """
     place, stepper = leg.clock.place(float(times[0])), leg.stepper
     whole = not len(leg.problem.particles) and not leg.problem.forces  # no more than the states of bodies is asked for
-    count = leg.times.before_next(times) if whole and not leg.times.is_at(place) else 0
-    if count > 1:
+    count = leg.times.before_next(times) if whole and len(times) > 1 and not leg.times.is_at(place) else 0
+    if count:
         bound = stepper.loops.bound(leg.clock, stepper.state["clock"])
         found = stepper.loops.march_to_each(stepper.state, bound, times[:count])
         if len(found):
