@@ -43,7 +43,6 @@ from typing import Any, NamedTuple
 
 from orbits.kernels.binding import kernel_of, of_record
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.paths import record_strip
 
 OK, NOT_CONVERGED, NOT_FINITE, NOT_REGULAR = 0, 1, 2, 3
@@ -285,13 +284,6 @@ def enter_particles(method, model, state, particles, rows, storage):
 @of_record()
 def leave_particles(method, model, state, particles, rows, storage):
     """Compute what is seen of particles from what is marched."""
-
-
-def lanes_of(method):
-    """Return the number of particles, 8 or 1, that `step_particles` of a `Method` of that Numba type takes at a
-    time.
-    """
-    return _kernel(method, "width") or WIDTH
 
 
 def _kernel(method, name):

@@ -13,7 +13,6 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks import variable_steps
-from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps
 from orbits.marching.following.contract import Block, Followers
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
@@ -141,14 +140,6 @@ class BoundLoops:
             self.state[f"particle_{name}"][...] = NOWHERE
             if m:
                 self.state[f"particle_{name}"][:, :m] = x[particles].T
-
-    def lengths(self, count: int) -> Array:
-        """Return the lengths of the `count` steps of the last block."""
-        if not self._clock.changes:
-            return np.full(count, self._clock.h)
-        if isinstance(self._clock, Adaptive):  # not rounded as differences of the times
-            return self.times[self.steps + 1 : self.steps + 1 + count]
-        return np.diff(self.times[: count + 1])
 
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
