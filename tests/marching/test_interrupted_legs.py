@@ -54,7 +54,7 @@ def test_compiling_by_a_step_leaves_no_block_behind():
 
 @pytest.mark.parametrize("k", [6, 7])
 def test_bodies_that_change_at_the_end_of_a_step_are_there_at_its_time(k):
-    """Speeds grow by a hundredth after k whole steps: the run goes on from there, on the same grid."""
+    """Speeds grow by a hundredth after k whole steps: the run goes on from there, on the same grid, and in time."""
     dt, asked = 2.0**-5, []
     gm, q = np.array([1.0, 1e-6]), np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     v = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -64,15 +64,23 @@ def test_bodies_that_change_at_the_end_of_a_step_are_there_at_its_time(k):
         asked.append(t)
         return now.replaced(v=1.01 * now.values.v)
 
+    def seen_later(t, now):
+        later.append((t, now.q.value))
+
+    later = []
     event = orbits.events.Event(lambda t, q, v: t - k * dt, then=faster)
+    clock = orbits.events.Event(lambda t, q, v: t - 20.5 * dt, then=seen_later)
     given = {"dt": dt, "check_step": False, "progress": False}
-    run = orbits.propagate(system, "stormer-verlet", duration=1.0, samples=33, events=[event], **given)
+    run = orbits.propagate(system, "stormer-verlet", duration=1.0, samples=33, events=[event, clock], **given)
     first = orbits.propagate(system, "stormer-verlet", duration=k * dt, samples=2, **given)
     changed = orbits.System(
         system.names, gm, first.q[-1], 1.01 * first.v[-1], units=orbits.DIMENSIONLESS
     )
     rest = orbits.propagate(changed, "stormer-verlet", duration=1.0 - k * dt, samples=33 - k, **given)
-    assert len(asked) == 1
+    assert len(asked) == len(later) == 1
+    time, q = later[0]
+    assert abs(float(time) - 20.5 * dt) < 1e-14  # the march reads the right time after the change
+    np.testing.assert_allclose(q, rest.at((20.5 - k) * dt).q, rtol=0, atol=1e-13)
     np.testing.assert_allclose(run.q[k:], rest.q, rtol=0, atol=1e-13)  # rounding of the state, in 32 steps
     assert run.times[-1] == 1.0
 
