@@ -10,8 +10,12 @@ SUN_AND_TWO = ["Sun", "Jupiter", "Saturn"]
 
 
 def belt(path: Path | None = None, **options: object) -> orbits.Trajectory:
-    """Two planets and 70 asteroids over five years, 21 samples: the asteroids are points, drawn by the shader."""
-    system = orbits.System.solar_system("2022-08-09", bodies=SUN_AND_TWO).add_particles(orbits.asteroids(70))
+    """Two planets and 70 asteroids over five years, 21 samples: the asteroids are points, drawn by the shader.
+
+    Jupiter and Saturn, in conjunction in 2020, have a closest approach within the run.
+    """
+    system = orbits.System.solar_system("2019-08-09", bodies=SUN_AND_TWO)
+    system = system.add_particles(orbits.asteroids(70), propagate_to_epoch=True)
     given = {"dt": 20, "duration": 1800, "samples": 19, "progress": False, "archive": path, **options}
     return orbits.propagate(system, orbits.Gauss(stages=8), **given)
 
