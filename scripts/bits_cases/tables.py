@@ -222,9 +222,9 @@ def maps() -> Iterator[Row]:
 
 
 TERMS = {
-    "relativity": [PostNewtonian(c=10.0)],
-    "relativity of one": [PostNewtonian(sources=["planet"], c=10.0)],
-    "precession": [NobiliRoxburgh("planet", c=10.0)],
+    "relativity": [PostNewtonian(c=30.0)],
+    "relativity of one": [PostNewtonian(sources=["planet"], c=30.0)],
+    "precession": [NobiliRoxburgh("planet", c=30.0)],
     "J2": [ZonalHarmonics("planet", J2=0.02, radius=0.5, pole=POLE)],
     "J2 to J4": [ZonalHarmonics("planet", J2=0.02, J3=1e-3, J4=1e-3, radius=0.5, pole=POLE)],
     "C22": [DegreeTwo("planet", J2=0.02, C22=0.005, radius=0.5, pole=POLE, attitude="inner")],
