@@ -20,6 +20,8 @@ from orbits.events import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOve
 from orbits.scenario import bundled
 from orbits.terms import Drag
 
+from .coverings import each
+
 ROOT = Path(__file__).resolve().parent.parent
 WRITTEN = sorted(page for page in (ROOT / "docs").rglob("*.md") if "_generated" not in page.parts)
 PAGES = [ROOT / "README.md", *WRITTEN]
@@ -68,7 +70,7 @@ def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
         exec(compile(code, f"{page.name}, block {number}", "exec"), names)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=name)
+@each("page", [p for p in PAGES if blocks(p)])
 def test_a_page_whose_blocks_need_earlier_ones_says_so(page):
     alone = all(re.search("^(import|from) orbits", code, re.MULTILINE) for code in blocks(page))
     assert alone or re.search(r"build\s+on\s+each\s+other|in\s+this\s+order", text_of(page))
@@ -94,7 +96,7 @@ def test_the_command_line_understands_every_command_of_a_page(page):
         assert scenario.endswith(".py") or scenario in {each.name for each in bundled()}
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "data" / "README.md"], ids=name)
+@each("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "data" / "README.md"])
 def test_what_a_page_links_to_is_there(page):
     for target, heading in LINK.findall(text_of(page)):
         file = page.parent / target if target else page

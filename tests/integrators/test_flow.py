@@ -10,6 +10,8 @@ from orbits.lagrangians.base import SEPARABLE
 from orbits.marching.flow import Flow
 from orbits.methods import ExplicitEuler, LobattoIIIAB, LobattoIIIBA, RungeKutta4, SymplecticEuler
 
+from ..coverings import each
+
 q, v, x, y, vx, vy = sympy.symbols("q v x y vx vy")
 
 IMPLICIT = [orbits.Gauss(stages=2), LobattoIIIAB(stages=3), SymplecticEuler()]
@@ -150,7 +152,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
+@each("case", WRONG)
 def test_a_start_or_step_that_makes_no_sense_is_refused(case):
     changes, message = WRONG[case]
     with pytest.raises(InputError, match=message):

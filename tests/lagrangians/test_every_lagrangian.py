@@ -14,6 +14,8 @@ from orbits.kernels.lanes import load, put
 from orbits.lagrangians import registry
 from orbits.lagrangians.base import SEPARABLE, TIME_DEPENDENT
 
+from ..coverings import each
+
 NAMES = sorted(registry())
 T = 0.3
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
@@ -172,7 +174,7 @@ def test_its_motion_solves_the_euler_lagrange_equations(name):
     assert np.abs(rate - force).max() < 1e-8 * max(1.0, np.abs(force).max())
 
 
-@pytest.mark.parametrize("name", NAMES)
+@each("name", NAMES)
 def test_it_says_what_it_is_and_where_it_comes_from(name):
     L = registry()[name]
     assert L.formula

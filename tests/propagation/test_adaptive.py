@@ -18,6 +18,7 @@ from orbits.marching.watching import passage_list
 from orbits.propagation.marchers import bound
 from orbits.time_grid import TimeGrid
 
+from ..coverings import each
 from ..encounters import APOPHIS_MISS, apophis_2029
 from ..problems import kepler, three_bodies
 from .bodies import BURRAU, falling, system
@@ -180,7 +181,7 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize("method", OTHERS, ids=lambda method: method.label)
+@each("method", OTHERS)
 def test_methods_whose_steps_cannot_be_chosen_say_which_can(method):
     with pytest.raises(InputError, match=r"needs a dt.*Gauss\(stages=8\)"):
         propagate(system(*three_bodies()), 1.0, integrator=method)
