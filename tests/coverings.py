@@ -14,6 +14,14 @@ from typing import Any
 
 import pytest
 
+STANDARD = (
+    "Gauss(stages=4)",
+    "LobattoIIIAB(stages=3)",
+    "StormerVerlet()",
+    "WisdomHolman(coordinates='jacobi', kernel='modified-kick', corrector=17)",
+)
+"""The labels of the methods that stand for all where any will do: one of each family of kernels."""
+
 
 def covering(factors: Sequence[Sequence[Any]], strength: int, allowed: Callable[..., bool]) -> set[tuple[int, ...]]:
     """Return places in a product, such that each allowed combination of `strength` factors is in one of them.
@@ -66,6 +74,12 @@ def first(count: int, cases: Iterable[Any]) -> list[Any]:
 def every(step: int, cases: Iterable[Any]) -> list[Any]:
     """Return cases of which the first of each `step` runs by default."""
     return keep(lambda k, case: k % step == 0, cases)
+
+
+def at(places: Iterable[int], cases: Iterable[Any]) -> list[Any]:
+    """Return cases of which those at some places run by default."""
+    places = set(places)
+    return keep(lambda k, case: k in places, cases)
 
 
 def only(wanted: Iterable[Any], cases: Iterable[Any]) -> list[Any]:
