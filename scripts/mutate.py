@@ -236,7 +236,7 @@ def verdict(place: Place, seconds: float) -> tuple[bool, str]:
         return False, f"not found in {seconds:.0f} s"
     if code == 0:
         return False, f"the {FILES} files with most to do with it pass"
-    failed = re.findall(r"^(?:FAILED|ERROR) (tests/\S+?)(?: - .*)?$", output, re.M)
+    failed = re.findall(r"^(?:FAILED|ERROR) (tests/.+?)(?: - .*)?$", output, re.M)
     if code == 1 and failed and "::" in failed[0]:
         test = failed[0].split("[")[0] if " " in failed[0] else failed[0]
         code, output = run_tests(ROOT, [test], seconds)
