@@ -17,8 +17,8 @@ DEV := $(VENV)/.installed-dev
 BENCH := $(VENV)/.installed-bench
 DOCS := $(VENV)/.installed-docs
 
-# The suite on all cores, up to four: a worker takes 2 GB. Each begins with a part of its own, so that few kernels are
-# compiled twice, and takes over from another when it is done. A test that hangs is named, with all stacks, and the
+# The suite on all cores, up to four: a worker takes 2 GB. What many tests need is compiled before; then each worker begins
+# with a part of its own, so that few kernels are compiled twice, and takes over from another when it is done. A test that hangs is named, with all stacks, and the
 # others go on.
 WORKERS := --numprocesses auto --maxprocesses 4 --dist worksteal --timeout 1200 --timeout-method thread
 
@@ -32,9 +32,11 @@ test: $(DEV)  ## set up .venv and run every check: ruff, mypy, import-linter, py
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.compiled_first
 	$(BIN)/python -m pytest $(WORKERS) -rfEs --disable-warnings
 
 nightly: $(DEV)  ## every test there is: whole products, many examples, slow ones, contracts, faults
+	$(BIN)/python -m tests.compiled_first
 	$(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile nightly -rfEs --disable-warnings
 
 slow: $(DEV)  ## the tests that take minutes
