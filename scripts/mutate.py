@@ -39,7 +39,7 @@ ENGINE = ("kernels", "integrators", "marching", "lagrangians", "forces", "tablea
 NOT_ENGINE = ("kernels/compile/", "lagrangians/symbolic/", "propagation/checks/", "integrators/base.py")
 KINDS = ("sign", "index", "coefficient", "bound", "comparison")
 OPPOSITE = {ast.Lt: ">", ast.LtE: ">", ast.Gt: "<", ast.GtE: "<", ast.Eq: "!=", ast.NotEq: "=="}
-FILES = 24
+FILES = 18
 """Of the test files, those with most to do with a place."""
 
 
@@ -200,6 +200,7 @@ def likely(place: Place) -> list[str]:
         name, text = path.relative_to(ROOT).as_posix(), path.read_text()
         score = 12.0 * (".".join(["orbits", *folders, stem]) in text) + 5.0 * (".".join(["orbits", *folders]) in text)
         score += 4.0 * (stem in path.stem or path.stem.removeprefix("test_") in stem)
+        score += 6.0 * (len(words) > 1 and stem.replace("_", "-") in text)
         score += sum(2.0 * (word in path.stem) + min(1.0, 0.1 * text.count(word)) for word in words)
         score += 1.5 * name.startswith(f"tests/{folders[0]}/")
         scores[name] = score / (1.0 + text.count("subprocess") * 0.2)
