@@ -8,7 +8,7 @@ from orbits.tableaux.elementary import drift_kick, kick_drift
 from orbits.tableaux.gauss import gauss
 from orbits.tableaux.lobatto import lobatto_iiia_iiib
 
-from ..coverings import each
+from ..coverings import each, first
 from .mechanics import Central, Magnetic, Oscillator, Pendulum, difference, pair, rules, systems
 
 SEPARABLE = [Pendulum(), Central(), Central(dimension=3), Oscillator()]
@@ -47,7 +47,7 @@ def test_both_symplectic_eulers_are_partitioned_methods_with_one_stage(L):
     assert np.argmin(defects[0]) != np.argmin(defects[1])
 
 
-@pytest.mark.parametrize("L", [Pendulum(), Magnetic(), Central()], ids=lambda L: L.name)
+@pytest.mark.parametrize("L", first(1, [Pendulum(), Magnetic(), Central()]), ids=lambda L: L.name)
 @pytest.mark.parametrize(
     "tableau", [gauss(2), gauss(3), lobatto_iiia_iiib(2), lobatto_iiia_iiib(3)], ids=lambda t: t.name
 )
