@@ -13,6 +13,7 @@ START = orbits.System(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLE
 BRAKED = START.with_forces(orbits.terms.Drag(rate=0.01))
 
 
+@pytest.mark.nightly
 def test_a_march_that_ends_at_a_time_has_the_forces_of_the_march():
     """Up to the last step before the time 1 and from there to it, against a march of constant steps."""
     marcher = bound(BRAKED, "gauss", orbits.Adaptive())
