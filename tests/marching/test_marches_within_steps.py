@@ -1,6 +1,7 @@
 """Marches that are made from a march: of the same bodies, with all that acts on them."""
 
 import numpy as np
+import pytest
 
 import orbits
 from orbits.marching.clocks.step_times import Place
