@@ -10,6 +10,7 @@ import pytest
 
 from orbits.kernels import lanes as L  # noqa: N812 - L.fma reads as the lanes' fma
 from orbits.kernels.compile import cpu_features, kernel
+from orbits.kernels.lanes.arithmetic import inverse_powers
 from orbits.kernels.sums.summation import (
     accumulate,
     add_compensated,
@@ -283,6 +284,23 @@ def test_rsqrt_cubed_is_rounded_all_but_correctly(compiled):
     assert np.abs(error).max() < 1.02
     assert np.sqrt(np.mean(error**2)) < 0.45
     assert abs(error.mean()) < 0.01  # no preferred sign: a bias would be a wrong GM
+
+
+@kernel
+def powers_in_lanes(x, cube, inverse):
+    for i in range(0, x.shape[0], 8):
+        a, b = inverse_powers(L.load(x, i))
+        L.store(cube, i, a)
+        L.store(inverse, i, b)
+
+
+def test_the_inverse_beside_the_cube_has_eleven_digits():
+    x = 10.0 ** np.random.default_rng(5).uniform(-60, 60, 8_000)
+    cube, alone, inverse = np.empty_like(x), np.empty_like(x), np.empty_like(x)
+    powers_in_lanes(x, cube, inverse)
+    cubes_in_lanes(x, alone)
+    assert np.array_equal(cube, alone)
+    assert np.abs(inverse * x - 1.0).max() < 5e-12
 
 
 def test_rsqrt_cubed_of_zero_is_not_finite():
