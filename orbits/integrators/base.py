@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 from orbits.discrete.base import DiscreteLagrangian
@@ -160,7 +161,7 @@ class Integrator:
         values = {f: getattr(self, f.name) for f in dataclasses.fields(self)}
         return {f.name: value for f, value in values.items() if OPTION not in f.metadata or value != f.default}
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The name with parameters, as in code: "Gauss(stages=8)"."""
         values = ", ".join(f"{name}={value!r}" for name, value in self.parameters().items())

@@ -200,6 +200,7 @@ class Contexts:
         self._words = np.zeros((count, WORDS), dtype=np.int64)
         self._numbers = self._words.view(np.float64)
         self._kept: dict[str, Any] = {}
+        self._own: list[tuple[NDArray[np.int64], slice, tuple[int, ...]]] = []  # the places and words of `follow`
         self.addresses = [self._words.ctypes.data + 8 * WORDS * k for k in range(count)]
 
     def __getstate__(self) -> None:
@@ -224,6 +225,10 @@ class Contexts:
         if places:
             self._words[:, places] = words
 
+    def begin_block(self, first: int, origin: float) -> None:
+        """Enter into all contexts where the next block begins."""
+        self._words[:, _PLACES["first"]], self._numbers[:, _PLACES["origin"]] = first, origin
+
     def enter_each(self, name: str, arrays: Sequence[NDArray[Any]]) -> None:
         """Enter a separate array into each context."""
         at = _PLACES[name]
@@ -233,11 +238,16 @@ class Contexts:
 
     def follow(self, others: Contexts, own: Sequence[Mapping[str, NDArray[Any]]]) -> None:
         """Copy the last of other contexts into these, one into each, except for arrays of their own."""
+        if self._kept.get("own") is not own:
+            self._own = [
+                (row, slice(_PLACES[name], _PLACES[name] + _LENGTHS[name]), _described(name, array))
+                for row, arrays in zip(self._words, own, strict=True)
+                for name, array in arrays.items()
+            ]
         self._words[:] = others._words[len(others._words) - len(self._words) :]
-        for row, arrays in zip(self._words, own, strict=True):
-            for name, array in arrays.items():
-                row[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = _described(name, array)
-        self._kept = {**others._kept, "own": own}
+        for row, places, words in self._own:
+            row[places] = words
+        self._kept = {"others": others, "own": own}
 
     def share(self, others: Contexts, own: Sequence[str]) -> None:
         """Copy the first of other contexts into all of these, except for the fields `own`."""
@@ -256,4 +266,4 @@ def _described(name: str, array: NDArray[Any]) -> tuple[int, ...]:
             f"{name} must be a contiguous array of {dimensions} dimensions of {expected}, got "
             f"{array.ndim} of {array.dtype}"
         )
-    return array.ctypes.data, *array.shape
+    return array.__array_interface__["data"][0], *array.shape
