@@ -205,8 +205,7 @@ class Observers:
         """Prepare for a block after `first` steps, at the time `origin`, with this `record` and empty lists."""
         if not self._compiled:
             self._compile()
-        self.contexts.enter(record=record)
-        self.contexts.begin_block(first, origin)
+        self.contexts.enter(record=record, first=first, origin=origin)
         self._listed[:] = 0
         if self._collide:
             self._touched_own[:] = 0
