@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -181,8 +181,8 @@ class Integrator:
         """
         return None
 
-    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
-        """Raise InputError if this method cannot march `lagrangian`, naming those of `others` that can."""
+    def check(self, lagrangian: Lagrangian, others: Callable[[], Mapping[str, type[Integrator]]]) -> None:
+        """Raise InputError if this method cannot march `lagrangian`, naming those of `others()` that can."""
         if self.serves(lagrangian):
             return
         if CONSTRAINED in lagrangian.traits:
@@ -192,7 +192,7 @@ class Integrator:
                 "its order with orbits.methods.Composition(orbits.methods.Rattle(), order=4)."
             )
         missing = self.requires - lagrangian.traits
-        able = sorted(c.__name__ for c in others.values() if any(m.serves(lagrangian) for m in c.examples()))
+        able = sorted(c.__name__ for c in others().values() if any(m.serves(lagrangian) for m in c.examples()))
         remedy = f"Use {' or '.join(able)}." if able else "No method of this package can."
         raise InputError(
             f"{self.name} needs a Lagrangian that is {' and '.join(sorted(missing))}; "

@@ -30,7 +30,7 @@ def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool 
 
     Raises InputError, naming suitable methods, if there is none.
     """
-    integrator.check(lagrangian, registry())
+    integrator.check(lagrangian, registry)
     form = integrator.form(lagrangian, canonical=canonical)
     if form is None:
         raise InputError(f"{integrator.label} has no canonical form for '{lagrangian.name}'")
