@@ -212,7 +212,7 @@ def maps() -> Iterator[Row]:
                     yield f"flybys, {label}", systems.jupiter_crossers, method, days
                 numbers: Options = {"dt": 1 / 16, "duration": 25.0}
                 yield f"crossing, {label}", systems.crossing_planets, method, numbers
-    follow = replace(MAP, encounters="follow", planets="follow")
+    follow = replace(MAP, encounters="follow")
     seen: Options = {"dt": 1 / 16, "duration": 12.5, "events": [Pericentre("p"), CloseApproach("a", "b")]}
     yield "crossing, events, followed", systems.crossing_planets, follow, seen
     acts = [Pericentre("p", then=kick)]
@@ -313,7 +313,7 @@ def random_run(seed: int) -> Facts:
         (VERLET, 1 / 128),
         (CHAIN, 1 / 32),
         (PLAIN, 1 / 16),
-        (replace(MAP, encounters="follow", planets="follow"), 1 / 16),
+        (replace(MAP, encounters="follow"), 1 / 16),
         (replace(MAP, encounters="retire"), 1 / 16),
         (SABA, 1 / 16),
     ]
@@ -364,7 +364,7 @@ def lists() -> Iterator[Case]:
         ("kicks", CHAIN, 1 / 16),
         ("map", MAP, 1 / 16),
         ("plain map", PLAIN, 1 / 16),
-        ("map that follows", replace(MAP, encounters="follow", planets="follow"), 1 / 16),
+        ("map that follows", replace(MAP, encounters="follow"), 1 / 16),
         ("SABA", SABA, 1 / 16),
     ):
         for word, count in (("planets", 1), ("particles", 0)):
