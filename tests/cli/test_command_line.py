@@ -131,6 +131,7 @@ def test_a_scenario_with_constant_steps_is_run_and_compared_with_adaptive_ones(t
         assert verdicts == {"Gauss(stages=8)": "ok", "REBOUND whfast": "n/a", "REBOUND ias15": "peer"}
 
 
+@pytest.mark.nightly
 def test_a_scenario_is_run_compared_and_certified_in_transformed_time(tmp_path):
     typed = ["--dt", "transformed:0.3", "--integrator", "gauss"]
     out = call("run", "pythagorean", *typed, "--json", "--no-plot", "--out", tmp_path / "run")
@@ -236,6 +237,7 @@ def test_certify_fails_a_control_that_was_asked_for(tmp_path):
     assert "symplecticity" in " ".join(entry["certificate"]["failures"])
 
 
+@pytest.mark.nightly
 def test_certify_takes_every_system_of_a_scenario(tmp_path):
     out = call("certify", "kepler", "--integrator", "gauss(stages=2)", "--dt", "0.05", "--json", "--out", tmp_path)
     record = json.loads(out.stdout)

@@ -12,6 +12,7 @@ from orbits.errors import InputError
 from orbits.integrators import registry
 from orbits.integrators.base import SYMMETRIC, SYMPLECTIC
 
+from ..coverings import each
 from ..problems import three_bodies
 
 METHODS = [
@@ -129,7 +130,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=[str(w)[:30] for w, _ in WRONG])
+@each(("wrong", "message"), WRONG)
 def test_what_cannot_be_marched_is_refused_in_words(wrong, message):
     gm, q, v = three_bodies()
     given = {"gm": gm, "q": q, "v": v, "integrator": orbits.StormerVerlet(), "dt": 0.1} | wrong
@@ -141,8 +142,8 @@ def test_what_cannot_be_marched_is_refused_in_words(wrong, message):
         diagnostics.order(**given, steps=3)
 
 
-@pytest.mark.parametrize("measure", [diagnostics.convergence, diagnostics.growth])
-@pytest.mark.parametrize("given", [("a", [1.0]), ([1.0], "a"), (None, None), ({}, [1.0]), ([1.0], [1j])])
+@each("measure", [diagnostics.convergence, diagnostics.growth])
+@each("given", [("a", [1.0]), ([1.0], "a"), (None, None), ({}, [1.0]), ([1.0], [1j])])
 def test_what_holds_no_numbers_cannot_be_fitted(measure, given):
     with pytest.raises(InputError, match=r"expected an array of real numbers|must be"):
         measure(*given)

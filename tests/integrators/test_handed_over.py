@@ -122,6 +122,7 @@ def ends(start, method=None, *, years=-40, **options):
     return orbits.propagate(start, method, **options).q.to_value(u.km)[-1]
 
 
+@pytest.mark.nightly
 def test_crossers_are_followed_by_the_terms_of_the_run_too():
     """In steps of 25 days, about a Sun as flat as puts them 1e5 km off in 40 years; and each alone to the same bits."""
     flat = ZonalHarmonics("Sun", J2=1e-3, radius=0.3 * u.au, pole=(0.2, 0.1, 0.97))

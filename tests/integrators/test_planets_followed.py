@@ -209,6 +209,7 @@ def test_other_maps_follow_encounters_as_well(method, most):
     assert energy_errors(run).max() < most
 
 
+@pytest.mark.nightly
 def test_lists_of_systems_and_terms_of_positions_go_through_encounters():
     options = {**OPTIONS, "duration": 150 * u.yr, "samples": 4}
     pole = (0.0 * u.deg, 90.0 * u.deg)
@@ -314,6 +315,7 @@ def test_a_dt_too_long_is_warned_of_and_refused_though_planets_are_followed():
         orbits.propagate(planets(), FOLLOW, dt="1500 d", duration="100 yr", check_step="refuse", progress=False)
 
 
+@pytest.mark.nightly
 def test_relativity_by_the_star_acts_in_encounters_too():
     start = planets().with_terms(PostNewtonian(sources=["star"]))
     run = orbits.propagate(start, FOLLOW, **{**OPTIONS, "duration": 200 * u.yr})

@@ -32,6 +32,8 @@ from orbits.scenario.typed import quantity, step_or_clock
 from orbits.scenario.unfinished import alone_in
 from orbits.scenarios import Check, Scenario
 
+from ..coverings import each
+
 STUDIES = [
     *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight"),
     *("hyperion", "liouville", "mercury", "mercury_spin", "outer_solar_system", "pendulum", "planetesimals"),
@@ -530,7 +532,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=[str(w) for w, _ in WRONG])
+@each(("wrong", "message"), WRONG)
 def test_a_scenario_that_cannot_be_is_refused_where_it_is_made(wrong, message):
     with pytest.raises(InputError, match=message):
         pair(**wrong)
@@ -622,7 +624,7 @@ def test_steps_of_transformed_time_are_typed_as_a_word(text):
     assert step_or_clock("transformed", "--dt") == orbits.TimeTransformed()
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("adaptive(", "write adaptive, adaptive:1e-8 or"),

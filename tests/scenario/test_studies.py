@@ -22,6 +22,8 @@ from orbits.scenario import Parts, Study, StudyResult, Table, bundled, load, per
 from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.command import changed
 
+from ..coverings import each
+
 STUDIES = [
     *("arenstorf", "didymos", "discrete_kepler", "figure_eight", "hyperion", "liouville", "mercury_spin"),
     *("outer_solar_system", "pendulum", "planetesimals", "pleiades"),
@@ -263,7 +265,7 @@ UNFIT = [
 ]
 
 
-@pytest.mark.parametrize(("value", "message"), UNFIT, ids=[str(value) for value, _ in UNFIT])
+@each(("value", "message"), UNFIT)
 def test_values_that_a_part_cannot_keep_are_refused_by_name(tmp_path, value, message):
     with pytest.raises(InputError, match=message):
         of_parts(tmp_path).get("a", lambda: value)
