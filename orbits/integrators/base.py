@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 from orbits.discrete.base import DiscreteLagrangian
@@ -146,7 +147,7 @@ class Integrator:
         values = {f: getattr(self, f.name) for f in dataclasses.fields(self)}
         return {f.name: value for f, value in values.items() if OPTION not in f.metadata or value != f.default}
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The name with parameters, as in code: "Gauss(stages=8)"."""
         values = ", ".join(f"{name}={value!r}" for name, value in self.parameters().items())
@@ -166,8 +167,8 @@ class Integrator:
         """
         return None
 
-    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
-        """Raise InputError if this method cannot march `lagrangian`, naming those of `others` that can."""
+    def check(self, lagrangian: Lagrangian, others: Callable[[], Mapping[str, type[Integrator]]]) -> None:
+        """Raise InputError if this method cannot march `lagrangian`, naming those of `others()` that can."""
         if self.serves(lagrangian):
             return
         if CONSTRAINED in lagrangian.traits:
@@ -177,7 +178,7 @@ class Integrator:
                 "its order with orbits.methods.Composition(orbits.methods.Rattle(), order=4)."
             )
         missing = self.requires - lagrangian.traits
-        able = sorted(c.__name__ for c in others.values() if any(m.serves(lagrangian) for m in c.examples()))
+        able = sorted(c.__name__ for c in others().values() if any(m.serves(lagrangian) for m in c.examples()))
         remedy = f"Use {' or '.join(able)}." if able else "No method of this package can."
         raise InputError(
             f"{self.name} needs a Lagrangian that is {' and '.join(sorted(missing))}; "

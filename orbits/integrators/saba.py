@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 from orbits.checks import is_whole
@@ -81,7 +82,7 @@ class SABA(Integrator):
         """The generalized order."""
         return tuple(order for order in (self.first, self.second, self.third) if order is not None)
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The name with the generalized order: "SABA(10, 6, 4)"."""
         more = [f"encounters={self.encounters!r}"] if "encounters" in self.parameters() else []

@@ -22,7 +22,7 @@ Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fie
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -254,7 +254,7 @@ class WisdomHolman(Integrator):
             return form
         return replace(form, with_terms=True)
 
-    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
+    def check(self, lagrangian: Lagrangian, others: Callable[[], Mapping[str, type[Integrator]]]) -> None:
         """Raise InputError, naming the terms that have no flow here."""
         summands = getattr(lagrangian, "summands", ())
         strange = [term.name for term in summands if ABOUT_ONE_BODY not in term.traits]

@@ -29,6 +29,7 @@ from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.resuming.sample_store import ACCOUNTS, Resumable
 from orbits.system import System
+from orbits.system.derived import derived
 from orbits.system.model import Model, model, require_newtonian
 from orbits.trajectory.changes import CHANGES, COUNTS
 
@@ -84,7 +85,7 @@ def bound(
         bodies,
         integrator,
         clock,
-        model(system),
+        derived(system, model),
         start=start,
         dense=dense,
         underway=underway,

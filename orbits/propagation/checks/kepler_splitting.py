@@ -25,9 +25,10 @@ from orbits.integrators.wisdom_holman import WisdomHolman
 from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
-from orbits.propagation.checks.crossing_orbits import Orbits, close_pairs, orbits_of
+from orbits.propagation.checks.crossing_orbits import Orbits, close_pairs, orbits_of_planets
 from orbits.propagation.checks.step_check import in_digits, rounded_down
 from orbits.results.approach import Approach
+from orbits.system.derived import derived
 
 if TYPE_CHECKING:
     from orbits.results.passages import Seen
@@ -75,8 +76,7 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
     """Find pericentres within `span` that steps of h do not resolve, of planets and of massless particles, and planets
     that come so close to each other, now or at a crossing of their orbits, that the method cannot follow them.
     """
-    planets = np.flatnonzero(system.massive)
-    orbits = orbits_of(system, planets[planets != _dominant(system)])
+    orbits = derived(system, orbits_of_planets)
     units, centre = system.units, system.names[_dominant(system)]
     with np.errstate(divide="ignore"):  # a fall along a line has no pericentre
         angles = abs(h) * np.sqrt(orbits.mu * (1.0 + orbits.e) / orbits.pericentre**3)
@@ -105,7 +105,7 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
         yield from _particles_too_fast(system, integrator, h, span)
         if not integrator.in_encounters.retire_particles:
             yield from _particles_near_planets(system, integrator)
-    close, count = ([], 0) if follows else close_pairs(system, orbits, SHOWN)
+    close, count = ([], 0) if follows else derived(system, close_pairs)
     if close:
         yield Finding(
             f"{integrator.label} cannot follow close encounters of massive bodies, and these may have some:",

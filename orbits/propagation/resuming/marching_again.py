@@ -153,8 +153,8 @@ def missing(run: Trajectory, retired: list[Retirement]) -> bool:
     """Return whether massless particles have no place in the last sample of a run, though they are not retired."""
     if not len(run) or run.system.massive.all():
         return False
-    lost = np.isnan(run.q[-1].value).any(axis=1) & ~run.system.massive
-    return bool(set(np.flatnonzero(lost)) - {one.body for one in retired})
+    lost = np.isnan(run._q[-1]).any(axis=1) & ~run.system.massive
+    return bool(set(lost.nonzero()[0]) - {one.body for one in retired})
 
 
 def lost_by_the_end(march: Marching, run: Trajectory) -> list[Retirement]:
