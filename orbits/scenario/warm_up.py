@@ -109,7 +109,7 @@ def flyby() -> None:
     near = CloseApproach("asteroid", within=0.1)
     run = propagate(system, duration=20.0, samples=11, events=[near], progress=False)
     run.drift()
-    run.elements(bodies=["asteroid"])
+    run.elements(primary="Sun")
 
 
 def bodies(method: str) -> None:

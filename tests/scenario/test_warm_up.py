@@ -63,6 +63,11 @@ def test_everything_has_each_method_with_and_without_massless_bodies_once():
         assert {("bodies", (name,)), ("particles", (name,))} <= {task[1:] for task in tasks}
 
 
+@pytest.mark.parametrize("task", warm_up.everyday(), ids=lambda task: task.label)
+def test_everyday_calls_are_no_refused_ones(task):
+    assert warm_up.performed(task).refused == ""
+
+
 def test_a_combination_that_is_refused_is_told_and_no_failure():
     done = warm_up.performed(Task("nothing", "bodies", ("no such method",)))
     assert "no such method" in done.refused
