@@ -110,7 +110,7 @@ def keep(wanted: Callable[[int, Any], bool], cases: Iterable[Any]) -> list[Any]:
 def each(names: str | tuple[str, ...], cases: Iterable[Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Make one test of a function that is cheap for each of many cases; it lists all cases that fail.
 
-    Fixtures are made once for all cases.
+    Fixtures are made once for all cases. A case may be skipped; the test is if all of them are.
     """
     keys = (names,) if isinstance(names, str) else names
     cases = list(cases)
@@ -118,16 +118,21 @@ def each(names: str | tuple[str, ...], cases: Iterable[Any]) -> Callable[[Callab
     def one_test_of(check: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(check)
         def test(**fixtures: Any) -> None:
-            failures = []
+            failures: list[str] = []
+            skipped: list[BaseException] = []
             for case in cases:
                 values = (case,) if isinstance(names, str) else case
                 try:
                     check(**dict(zip(keys, values, strict=True)), **fixtures)
+                except pytest.skip.Exception as reason:
+                    skipped.append(reason)
                 except (Exception, pytest.fail.Exception) as error:
                     failures.append(f"{', '.join(keys)} = {case!r}\n{type(error).__name__}: {error}")
             if failures:
                 head = f"{len(failures)} of {len(cases)} cases fail"
                 pytest.fail("\n\n".join([head, *failures]), pytrace=False)
+            if len(skipped) == len(cases):
+                raise skipped[-1]
 
         signature = inspect.signature(check)
         others = [parameter for name, parameter in signature.parameters.items() if name not in keys]

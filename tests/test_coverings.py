@@ -45,6 +45,17 @@ def test_cases_are_chosen_by_place_or_value_and_keep_their_marks():
         only(["d"], cases)
 
 
+def test_one_test_of_many_cases_is_skipped_if_all_of_them_are():
+    @each("a", [1, 2, 3])
+    def check(a, least):
+        if a > least:
+            pytest.skip("above")
+
+    check(least=1)
+    with pytest.raises(pytest.skip.Exception):
+        check(least=0)
+
+
 def test_one_test_of_many_cases_runs_all_of_them_and_lists_those_that_fail():
     seen = []
 

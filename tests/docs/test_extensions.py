@@ -75,7 +75,7 @@ def test_every_docstring_of_the_reference_is_read_without_complaint(page: str) -
                 assert not complaints(read(text)), (entry.full_name, text)
 
 
-@pytest.mark.parametrize(
+@each(
     ("typed", "expected"),
     [
         ("L_d(q_{k-1}, q_k)", "L<d>(q<k-1>, q<k>)"),

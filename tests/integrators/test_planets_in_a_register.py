@@ -22,7 +22,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
 
-from ..coverings import first
+from ..coverings import each, first
 
 
 def solar_system(count):
@@ -180,8 +180,8 @@ def planets_of(rng, *, gm, count, apart, e):
     return np.array(masses), q, v
 
 
-@pytest.mark.parametrize("kind", SYSTEMS)
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", first(2, range(6)))
+@each("kind", SYSTEMS)
 def test_no_passage_that_the_map_cannot_follow_is_missed_by_looking_at_kicks_alone(kind, seed):
     gm, q, v = SYSTEMS[kind](np.random.default_rng(seed))
     missed, hard, blind = 0, 0, 0

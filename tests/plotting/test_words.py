@@ -45,7 +45,7 @@ SPANS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("span", "unit"), SPANS)
+@each(("span", "unit"), SPANS)
 def test_a_span_of_time_is_told_in_the_unit_that_suits_it(span, unit):
     factor, found = fitting_time(span.to_value(u.day), u.day)
     assert found == unit

@@ -276,7 +276,7 @@ def test_gauss_has_one_to_32_stages(stages):
         orbits.Gauss(stages=stages)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "expected"),
     [
         ("gauss", orbits.Gauss()),

@@ -36,6 +36,8 @@ MAPS = [
 ]
 METHODS = [*(m for kind in registry().values() for m in kind.examples() if m.serves(newtonian)), *MAPS]
 HELIOCENTRIC = orbits.WisdomHolman(coordinates="democratic-heliocentric")
+KINDS = [*STANDARD, "RungeKutta4()", HELIOCENTRIC.label]
+"""One method of each kind of tangent maps, and one that is not symplectic."""
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences of eighth order
 
 GM = [1.0, 1e-3, 3e-4]
@@ -71,7 +73,7 @@ def differences(end, q, v, size):
     return out
 
 
-@pytest.mark.parametrize("method", only([*STANDARD, "RungeKutta4()"], METHODS), ids=lambda m: m.label)
+@pytest.mark.parametrize("method", only(KINDS, METHODS), ids=lambda m: m.label)
 def test_the_matrix_of_a_step_is_its_derivative_for_every_method(method):
     h, system = 0.125, planets()
     values = system.values
@@ -83,7 +85,7 @@ def test_the_matrix_of_a_step_is_its_derivative_for_every_method(method):
     assert np.abs(found - by_differences).max() < (6e-13 if method.follows_kepler else 6e-14)
 
 
-@pytest.mark.parametrize("method", only([*STANDARD, "RungeKutta4()"], METHODS), ids=lambda m: m.label)
+@pytest.mark.parametrize("method", only(KINDS, METHODS), ids=lambda m: m.label)
 def test_the_matrix_is_symplectic_to_round_off_if_the_method_is_and_far_from_it_if_not(method):
     stm = matrix(planets(), method, dt=0.0625, duration=40.0)
     # Six orbits of the inner planet in 640 steps: seen are up to 5.5e-16.
