@@ -31,6 +31,7 @@ from orbits.events import (
     Pericentre,
     PlaneCrossing,
 )
+from orbits.integrators.encounters import Encounters
 from orbits.methods import Composition, ImplicitMidpoint, LobattoIIIAB
 from orbits.terms import (
     Damping,
@@ -204,8 +205,7 @@ def maps() -> Iterator[Row]:
     for word, kind in {"map": MAP, "plain": PLAIN, "heliocentric": HELIOCENTRIC, "SABA": SABA}.items():
         for encounters in ("warn", "follow", "retire"):
             for planets in ("warn", "follow", "refuse") if kind is not SABA else ("warn",):
-                answers = {"encounters": encounters} | ({} if kind is SABA else {"planets": planets})
-                method = partial(replace, kind, **answers)  # may be refused
+                method = partial(replace, kind, encounters=str(Encounters(encounters, planets)))  # may be refused
                 label = f"{word}, encounters={encounters}, planets={planets}"
                 if planets == "warn":
                     days: Options = {"dt": 1 * u.day, "duration": 60 * u.day}
