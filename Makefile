@@ -1,6 +1,6 @@
 # orbits: everything from a fresh clone needs only make, python3 >= 3.11 with venv, and the Python package index.
 #
-#     make run    make test    make contracts    make faults    make bench    make slow    make docs    make clean    make help
+#     make run  make test  make nightly  make contracts  make faults  make slow  make bench  make docs  make clean  make help
 #
 # PYTHON=python3.12 chooses another interpreter for .venv.
 
@@ -17,22 +17,28 @@ DEV := $(VENV)/.installed-dev
 BENCH := $(VENV)/.installed-bench
 DOCS := $(VENV)/.installed-docs
 
-# The suite on all cores, up to four: a worker takes 2 GB. Each begins with a part of its own, so that few kernels are
-# compiled twice, and takes over from another when it is done. A test that hangs is named, with all stacks, and the
+# The suite on all cores, up to four: a worker takes 2 GB. What many tests need is compiled before; then each worker begins
+# with a part of its own, so that few kernels are compiled twice, and takes over from another when it is done. A test that hangs is named, with all stacks, and the
 # others go on.
 WORKERS := --numprocesses auto --maxprocesses 4 --dist worksteal --timeout 1200 --timeout-method thread
 
 .DEFAULT_GOAL := help
-.PHONY: run test contracts faults bench slow docs clean help
+.PHONY: run test nightly contracts faults bench slow docs clean help
 
 run: $(BASE)  ## set up .venv and run the asteroid belt with its comparison against REBOUND
+	$(BIN)/orbits warm-up asteroid_belt
 	$(BIN)/orbits run asteroid_belt
 
 test: $(DEV)  ## set up .venv and run every check: ruff, mypy, import-linter, pytest
 	$(BIN)/python -m ruff check .
 	$(BIN)/python -m mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.compiled_first
 	$(BIN)/python -m pytest $(WORKERS) -rfEs --disable-warnings
+
+nightly: $(DEV)  ## every test there is: whole products, many examples, slow ones, contracts, faults
+	$(BIN)/python -m tests.compiled_first
+	$(BIN)/python -m pytest $(WORKERS) -m "" --hypothesis-profile nightly -rfEs --disable-warnings
 
 slow: $(DEV)  ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow

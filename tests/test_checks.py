@@ -9,6 +9,8 @@ from astropy import units as u
 from orbits import checks
 from orbits.errors import InputError
 
+from .coverings import each
+
 
 @pytest.mark.parametrize("given", [2, 2.0, np.float32(2.0), np.int64(2), np.array(2.0), Fraction(2)])
 def test_a_number_is_taken_whatever_its_type(given):
@@ -20,7 +22,7 @@ def test_a_number_is_taken_whatever_its_type(given):
 ODD = ["2", b"2", True, np.True_, 2j, None, {}, np.timedelta64(2, "s"), np.datetime64("2020-01-01"), 2 * u.km, 10**400]
 
 
-@pytest.mark.parametrize("given", ODD, ids=repr)
+@each("given", ODD)
 def test_what_only_becomes_a_number_is_refused_by_name(given):
     with pytest.raises(InputError, match=r"^step (must be|is) "):
         checks.finite_number(given, "step")

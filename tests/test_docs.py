@@ -4,6 +4,8 @@ So do the commands of the tutorials and of "How to extend it"; those of the othe
 understands.
 """
 
+import ast
+import importlib
 import re
 import shlex
 from pathlib import Path
@@ -19,6 +21,8 @@ from orbits.errors import InputError
 from orbits.events import CloserThan, EnergyErrorAbove, FartherThan, WallTimeOver
 from orbits.scenario import bundled
 from orbits.terms import Drag
+
+from .coverings import each, first, keep
 
 ROOT = Path(__file__).resolve().parent.parent
 WRITTEN = sorted(page for page in (ROOT / "docs").rglob("*.md") if "_generated" not in page.parts)
@@ -58,7 +62,11 @@ def commands(page):
     ]
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=name)
+RUN_BY_DEFAULT = ("README", "from_rebound", "archives", "elements", "events", "samples")
+"""Pages whose code needs kernels that tests need anyway; the others run nightly."""
+
+
+@pytest.mark.parametrize("page", keep(lambda _, p: p.stem in RUN_BY_DEFAULT, [p for p in PAGES if blocks(p)]), ids=name)
 def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     save_files(page, tmp_path)
@@ -68,14 +76,32 @@ def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
         exec(compile(code, f"{page.name}, block {number}", "exec"), names)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p)], ids=name)
+@each("page", [p for p in PAGES if blocks(p)])
+def test_what_the_code_of_a_page_takes_from_the_package_is_there(page):
+    """Also on pages whose code does not run by default."""
+    for code in blocks(page):
+        for node in ast.walk(ast.parse(code)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "orbits":
+                module = importlib.import_module(node.module)
+                assert [alias.name for alias in node.names if not hasattr(module, alias.name)] == []
+            if isinstance(node, ast.Attribute) and ast.unparse(node).startswith("orbits."):
+                found = orbits
+                for part in ast.unparse(node).split(".")[1:]:
+                    if not re.fullmatch(r"\w+", part):  # a method of what is made here
+                        break
+                    found = getattr(found, part)
+
+
+@each("page", [p for p in PAGES if blocks(p)])
 def test_a_page_whose_blocks_need_earlier_ones_says_so(page):
     alone = all(re.search("^(import|from) orbits", code, re.MULTILINE) for code in blocks(page))
     assert alone or re.search(r"build\s+on\s+each\s+other|in\s+this\s+order", text_of(page))
 
 
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if commands(p) and (p.parent.name == "tutorials" or p.stem == "extending")], ids=name
+    "page",
+    first(1, [p for p in PAGES if commands(p) and (p.parent.name == "tutorials" or p.stem == "extending")]),
+    ids=name,
 )
 def test_the_commands_of_a_tutorial_end_as_it_says(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -94,7 +120,7 @@ def test_the_command_line_understands_every_command_of_a_page(page):
         assert scenario.endswith(".py") or scenario in {each.name for each in bundled()}
 
 
-@pytest.mark.parametrize("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "data" / "README.md"], ids=name)
+@each("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "data" / "README.md"])
 def test_what_a_page_links_to_is_there(page):
     for target, heading in LINK.findall(text_of(page)):
         file = page.parent / target if target else page
@@ -149,6 +175,7 @@ def test_the_readme_is_short_and_its_example_prints_what_it_says(tmp_path, monke
     assert (tmp_path / "encounter.png").is_file()
 
 
+@pytest.mark.nightly
 def test_the_guide_names_the_conditions_that_terms_and_forces_exclude():
     """Each is tried under a force; the paragraph after the table of what acts names those that are refused."""
     after = text_of(ROOT / "docs" / "guide" / "terms.md").partition("| what acts | methods |")[2]

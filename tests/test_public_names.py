@@ -16,6 +16,8 @@ from orbits import elsewhere, errors, forces, former_names, integrators
 from orbits.integrators import registry
 from orbits.lagrangians import terms
 
+from .coverings import each
+
 SOURCE = Path(orbits.__file__)
 HEAVY = (
     "numba",
@@ -39,7 +41,7 @@ def in_a_fresh_process(code: str) -> str:
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("name", sorted(orbits.__all__))
+@each("name", sorted(orbits.__all__))
 def test_every_public_name_is_there_and_documented(name: str) -> None:
     value = getattr(orbits, name)
     if inspect.isclass(value) or callable(value):
@@ -113,7 +115,7 @@ def test_an_unknown_name_is_an_attribute_error_that_lists_what_there_is() -> Non
     assert not hasattr(orbits, "__path_of_nothing__")
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "answer"),
     [
         ("WHFast", "which is REBOUND's: compare with it by against=['whfast'] or --against whfast."),

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from orbits.discrete.base import DiscreteLagrangian
 from orbits.errors import InputError
+from orbits.integrators.encounters import Encounters
 from orbits.integrators.forms import Array, Form
 from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, Lagrangian
 from orbits.tableaux import PartitionedTableau
@@ -94,24 +95,9 @@ class Integrator:
         return None, None
 
     @property
-    def refuses_meetings(self) -> bool:
-        """Whether encounters of massive bodies that the method cannot follow end a run."""
-        return False
-
-    @property
-    def follows_meetings(self) -> bool:
-        """Whether all bodies take steps of another method in encounters of massive ones that this one cannot follow."""
-        return False
-
-    @property
-    def follows_encounters(self) -> bool:
-        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
-        return False
-
-    @property
-    def retires_in_encounters(self) -> bool:
-        """Whether massless particles are retired before encounters that the method cannot follow."""
-        return False
+    def in_encounters(self) -> Encounters:
+        """What is done in encounters that the method cannot follow."""
+        return Encounters()
 
     @property
     def looks_for_approaches(self) -> bool:

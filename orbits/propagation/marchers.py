@@ -127,7 +127,7 @@ def march_of(
     problem = Problem(
         lagrangian, integrator, vectors, massive, clock_of(clock), retire=True, forces=forces, **options
     )
-    return PlanetExcursions(problem, q, v) if integrator.follows_meetings else Leg(problem, q, v)
+    return PlanetExcursions(problem, q, v) if integrator.in_encounters.follow_planets else Leg(problem, q, v)
 
 
 def looks_for_approaches(asked: bool | None, integrator: Integrator, system: System) -> bool:

@@ -79,6 +79,7 @@ def test_every_prefix_of_the_writes_opens_and_goes_on_or_had_promised_nothing(re
     assert prefixes(tmp_path / "stopped.h5", recording, torn=True) == []
 
 
+@pytest.mark.nightly
 def test_any_part_of_the_writes_between_two_waits_may_be_missing(recording, tmp_path):
     # Behind the fifth wait come the contents of the third commit, which overwrite the slot of the first, and its row.
     assert reorderings(tmp_path / "stopped.h5", recording, exhaustive=(4, 5)) == []

@@ -93,7 +93,7 @@ def systems(draw: st.DrawFn) -> System:
     )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(system=systems(), dt=STEPS)
 def test_every_system_comes_back_equal_to_the_last_bit(system, dt, tmp_path):
     archive = reopened(tmp_path / "run.h5", system, dt=dt)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -14,6 +14,7 @@ from orbits.archive import Archive
 from orbits.archive.storage import Storage
 from orbits.errors import ArchiveError, StorageError
 
+from ..coverings import each
 from . import runs
 
 SAMPLES, BODIES = 11, 7
@@ -37,7 +38,7 @@ KEYS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("key", KEYS, ids=lambda key: str(key)[:40])
+@each("key", KEYS)
 def test_a_key_reads_what_numpy_would_give(archive, key):
     for lazy, whole in ((archive.q, Q), (archive.v, V)):
         got = lazy[key]
@@ -45,7 +46,6 @@ def test_a_key_reads_what_numpy_would_give(archive, key):
         assert np.array_equal(got, whole[key])
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
 @given(key=hnp.basic_indices(SHAPE, allow_newaxis=True) | st.tuples(hnp.integer_array_indices((SAMPLES, BODIES))))
 def test_any_key_reads_what_numpy_would_give(archive, key):
     key = key[0] if isinstance(key, tuple) and len(key) == 1 else key

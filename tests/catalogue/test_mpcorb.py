@@ -17,6 +17,7 @@ from orbits.catalogue import asteroids, mpcorb, orbit_classes, read_mpcorb, unre
 from orbits.errors import EpochError, InputError, OrbitsError, OrbitsWarning, UnknownNameError
 from tests.campaigns import campaign
 
+from ..coverings import each
 from . import lines
 from .lines import CERES, HEADER, PALLAS_2024, VESTA, Line
 
@@ -111,7 +112,7 @@ def test_reading_in_blocks_is_reading_at_once(monkeypatch: pytest.MonkeyPatch, t
         read_mpcorb(path)
 
 
-@pytest.mark.parametrize(
+@each(
     ("chosen", "names"),
     [
         ({"names": "ceres"}, ("Ceres",)),
@@ -149,7 +150,7 @@ def test_a_choice_that_cannot_be_made_is_refused(chosen: dict[str, Any], error: 
         read_mpcorb(TWO, **chosen)
 
 
-@pytest.mark.parametrize(
+@each(
     ("good", "bad", "message"),
     [
         ("00004  ", "0000%  ", r"line 2, columns 1-7: '0000%  ' is not a valid packed number or designation"),

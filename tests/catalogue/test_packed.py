@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 
 from orbits.catalogue import packed
 
+from ..coverings import each
 from . import lines
 
 HALF_MONTHS = "ABCDEFGHJKLMNOPQRSTUVWXY"
 
 
-@pytest.mark.parametrize(
+@each(
     ("code", "number"),
     # Of the page "Packed Provisional and Permanent Designations", and the ends of each range.
     [("00001", 1), ("03202", 3202), ("99999", 99_999), ("A0000", 100_000), ("A0345", 100_345), ("a0017", 360_017),
@@ -29,7 +30,7 @@ def test_numbers_of_the_description_unpack(code: str, number: int) -> None:
     assert lines.packed_number(number) == code
 
 
-@pytest.mark.parametrize(
+@each(
     ("code", "readable"),
     [("J95X00A", "1995 XA"), ("J95X01L", "1995 XL1"), ("J95F13B", "1995 FB13"), ("J98SA8Q", "1998 SQ108"),
      ("J98SC7V", "1998 SV127"), ("J98SG2S", "1998 SS162"), ("K99AJ3Z", "2099 AZ193"), ("K08Aa0A", "2008 AA360"),

@@ -23,6 +23,8 @@ from orbits.errors import InputError, OrbitsError, OrbitsWarning, UnknownNameErr
 from orbits.units import GM_SUN
 from tests.campaigns import campaign
 
+from ..coverings import each
+
 FIELDS = ["spkid", "full_name", "epoch", "e", "a", "q", "i", "om", "w", "ma", "tp", "H", "GM", "diameter", "class"]
 # Elements of the bundled catalogue, at MJD 59800; GM and diameters as the database gives them.
 CERES = [20000001, "     1 Ceres (A801 AA)", "2459800.5", ".07863575691875528", "2.766619044655007", None,
@@ -134,8 +136,8 @@ def test_what_is_missing_is_derived(drop: tuple[str, ...]) -> None:
         assert getattr(eros, what)[0] == pytest.approx(getattr(full, what)[0], rel=1e-9)
 
 
-@pytest.mark.parametrize("e", [0.2, 0.95, 0.9999999, 1.0, 1.0000001, 1.5, 40.0])
-@pytest.mark.parametrize("days", [-400.0, 0.0, 33.0])
+@each("e", [0.2, 0.95, 0.9999999, 1.0, 1.0000001, 1.5, 40.0])
+@each("days", [-400.0, 0.0, 33.0])
 def test_comets_of_every_conic_are_where_their_perihelion_puts_them(e: float, days: float) -> None:
     row = ["C/2000 A1 (Test)", 59800.0 + days, e, 0.7, 30.0, 40.0, 50.0, 59800.0]
     comet = query(row, fields=["full_name", "epoch_mjd", "e", "q", "i", "om", "w", "tp_mjd"])
@@ -186,7 +188,7 @@ def test_choosing_goes_as_for_the_bundled_asteroids(chosen: dict[str, Any], name
         read_sbdb(query(BORISOV, CERES), names="Vesta")
 
 
-@pytest.mark.parametrize(
+@each(
     ("field", "value", "message"),
     [
         ("e", "x", r"row 1 \(1 Ceres \(A801 AA\)\): e is 'x'; expected a number"),
@@ -222,7 +224,7 @@ def test_a_bad_row_is_named_or_left_out_aloud(field: str, value: Any, message: s
     assert (rest.names, rest.skipped) == (("C/2019 Q4",), 1)
 
 
-@pytest.mark.parametrize(
+@each(
     ("source", "message"),
     [
         ({"message": "specified object was not found", "code": "200"}, "says 'specified object was not found'"),

@@ -131,6 +131,7 @@ def test_a_scenario_with_constant_steps_is_run_and_compared_with_adaptive_ones(t
         assert verdicts == {"Gauss(stages=8)": "ok", "REBOUND whfast": "n/a", "REBOUND ias15": "peer"}
 
 
+@pytest.mark.nightly
 def test_a_scenario_is_run_compared_and_certified_in_transformed_time(tmp_path):
     typed = ["--dt", "transformed:0.3", "--integrator", "gauss"]
     out = call("run", "pythagorean", *typed, "--json", "--no-plot", "--out", tmp_path / "run")
@@ -236,6 +237,7 @@ def test_certify_fails_a_control_that_was_asked_for(tmp_path):
     assert "symplecticity" in " ".join(entry["certificate"]["failures"])
 
 
+@pytest.mark.nightly
 def test_certify_takes_every_system_of_a_scenario(tmp_path):
     out = call("certify", "kepler", "--integrator", "gauss(stages=2)", "--dt", "0.05", "--json", "--out", tmp_path)
     record = json.loads(out.stdout)
@@ -418,16 +420,16 @@ def test_the_package_is_run_as_the_command():
 
 
 def test_encounters_in_a_map_are_an_option_of_the_method_on_the_command_line(tmp_path):
-    method = "wisdom-holman(encounters='follow',planets='follow')"
+    method = "wisdom-holman(encounters='follow')"
     out = call(
         "run", "solar_system", "--integrator", method, "--dt", "1 d", "--duration", "1 yr", "--samples", "3", "--json",
         "--no-plot", "--out", tmp_path,
     )  # fmt: skip
     assert out.exit_code == 0, out.output
     (run,) = json.loads(out.stdout)["cases"][""]["runs"].values()
-    assert "encounters='follow', planets='follow'" in run["integrator"]
+    assert "encounters='follow all'" in run["integrator"]
     record = json.loads(call("info", tmp_path / "run.h5", "--json").stdout)
     assert all({"Earth", "Moon"} == set(one["bodies"]) for one in record["excursions"])
     out = call("run", "solar_system", "--integrator", "wisdom-holman(encounters='leave')", "--out", tmp_path / "other")
     assert out.exit_code == 2
-    assert "expected 'warn', 'follow' or 'retire'" in out.output
+    assert "expected 'warn', 'follow', 'follow particles'" in out.output

@@ -11,6 +11,8 @@ from typer.testing import CliRunner, Result
 import orbits
 from orbits.cli import app
 
+from ..coverings import each
+
 
 @pytest.fixture(scope="module")
 def archive(tmp_path_factory) -> Path:
@@ -57,7 +59,7 @@ def test_a_run_without_units_is_not_seen(tmp_path):
     assert "needs physical units and an epoch" in " ".join(found.stderr.split())
 
 
-@pytest.mark.parametrize(
+@each(
     ("options", "message"),
     [
         (["--to", "2026-01-05"], "--to and --step need --from"),

@@ -9,6 +9,7 @@ import orbits
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC
 from orbits.integrators.forms import Form
 
+from ..coverings import each
 from ..problems import particles_around, three_bodies
 from .problems import errors_against_the_exact_orbit, jacobian, march, marcher, methods, phase_map
 
@@ -177,7 +178,7 @@ def test_a_partial_step_leaves_the_march_untouched(method):
         assert np.array_equal(array, run.checkpoint()[name], equal_nan=True), name
 
 
-@pytest.mark.parametrize("method", ALL, ids=IDS)
+@each("method", ALL)
 def test_every_method_says_where_it_comes_from_and_what_it_is(method):
     assert method.source
     assert method.summary

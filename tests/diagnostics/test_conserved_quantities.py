@@ -10,6 +10,8 @@ from astropy import units as u
 from orbits import diagnostics
 from orbits.errors import InputError
 
+from ..coverings import each
+
 # The result is the rounding of a value good to 1e-30: half a unit in the last place, and nothing to spare but that.
 HALF_ULP = 0.5 * (1 + 1e-12)
 
@@ -153,7 +155,7 @@ def test_what_does_not_fit_is_refused_in_words(call, words):
 TWO_GM, TWO_Q, TWO_V = np.array([1.0, 1e-3]), np.array([[0.0, 0, 0], [1, 0, 0]]), np.array([[0.0, 0, 0], [0, 1, 0]])
 
 
-@pytest.mark.parametrize(
+@each(
     ("call", "words"),
     [
         (lambda: diagnostics.energy([np.nan, 1.0], TWO_Q, TWO_V), r"gm\[0\] is nan"),

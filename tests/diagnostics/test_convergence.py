@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import orbits
@@ -19,7 +19,6 @@ def curve(order, *, plateau=0.0, head=0.0, seed=1, points=33):
     return h, h**order * (1.0 + head * h**2) + noise
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     order=st.sampled_from([1, 2, 4, 6, 8]),
     plateau=st.sampled_from([0.0, 1e-13, 1e-11]),

@@ -10,6 +10,8 @@ from orbits import diagnostics
 from orbits.errors import InputError
 from orbits.resources import data_path
 
+from ..coverings import each
+
 ARCSEC = np.pi / 180 / 3600
 # Jupiter's eccentricity and perihelion in ten terms of Laskar (1990): arcseconds per year, millionths, degrees.
 JUPITER = np.array(
@@ -114,7 +116,7 @@ def test_a_band_leaves_out_what_is_outside_it():
     assert found.frequency == pytest.approx(frequency[1:2], rel=1e-4)
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "message"),
     [
         ({"t": np.arange(100.0) ** 1.1}, "t is not evenly spaced: t\\[.*expected equal intervals"),

@@ -12,6 +12,7 @@ from orbits.errors import InputError
 from orbits.integrators import registry
 from orbits.integrators.base import SYMMETRIC, SYMPLECTIC
 
+from ..coverings import STANDARD, each, only
 from ..problems import three_bodies
 
 METHODS = [
@@ -23,7 +24,7 @@ METHODS = [
 IDS = [method.label for method in METHODS]
 
 
-@pytest.mark.parametrize("method", METHODS, ids=IDS)
+@pytest.mark.parametrize("method", only([*STANDARD, "RungeKutta4()"], METHODS), ids=IDS)
 def test_a_thousand_steps_forth_and_back_are_the_identity_if_and_only_if_the_method_is_symmetric(method):
     found = diagnostics.reversibility(*three_bodies(particles=2), method, 0.05, 1000)
     assert found.steps == 1000
@@ -38,7 +39,7 @@ def test_a_thousand_steps_forth_and_back_are_the_identity_if_and_only_if_the_met
         assert min(found.q, found.v) > 1e-5  # RK4, the most accurate of them: 3.4e-4
 
 
-@pytest.mark.parametrize("method", METHODS, ids=IDS)
+@pytest.mark.parametrize("method", only([*STANDARD, "RungeKutta4()"], METHODS), ids=IDS)
 def test_the_step_is_symplectic_on_massive_bodies_and_on_fibres_if_and_only_if_declared(method):
     found = diagnostics.symplecticity(*three_bodies(particles=2), method, 0.15)
     # 2e-14 was reached; it is what the differences of the derivatives leave, after 33 stages of a corrector 1.4e-12.
@@ -129,7 +130,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=[str(w)[:30] for w, _ in WRONG])
+@each(("wrong", "message"), WRONG)
 def test_what_cannot_be_marched_is_refused_in_words(wrong, message):
     gm, q, v = three_bodies()
     given = {"gm": gm, "q": q, "v": v, "integrator": orbits.StormerVerlet(), "dt": 0.1} | wrong
@@ -141,8 +142,8 @@ def test_what_cannot_be_marched_is_refused_in_words(wrong, message):
         diagnostics.order(**given, steps=3)
 
 
-@pytest.mark.parametrize("measure", [diagnostics.convergence, diagnostics.growth])
-@pytest.mark.parametrize("given", [("a", [1.0]), ([1.0], "a"), (None, None), ({}, [1.0]), ([1.0], [1j])])
+@each("measure", [diagnostics.convergence, diagnostics.growth])
+@each("given", [("a", [1.0]), ([1.0], "a"), (None, None), ({}, [1.0]), ([1.0], [1j])])
 def test_what_holds_no_numbers_cannot_be_fitted(measure, given):
     with pytest.raises(InputError, match=r"expected an array of real numbers|must be"):
         measure(*given)

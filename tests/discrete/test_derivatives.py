@@ -1,12 +1,12 @@
 """D1, D2 and the second derivatives of every discrete Lagrangian against differences of its value and of D1, D2."""
 
 import numpy as np
-import pytest
 
 from orbits import discrete
 from orbits.lagrangians import registry
 from orbits.lagrangians.newtonian import n_body
 
+from ..coverings import each
 from .mechanics import compare, pair, rules, systems
 
 TIME = 0.3
@@ -21,8 +21,8 @@ def test_every_maker_of_a_discrete_lagrangian_is_tested_here():
     assert {name for name, kind in returned.items() if kind in classes} == makers | from_numbers | of_one
 
 
-@pytest.mark.parametrize("system", systems())
-@pytest.mark.parametrize("rule", rules())
+@each("system", systems())
+@each("rule", rules())
 def test_the_derivatives_are_those_of_the_value(rule, system):
     L = systems()[system]
     # The truncation of the differences, delta^8 f^(9), which Kepler's pole makes large unless delta is small, and the
@@ -31,8 +31,8 @@ def test_the_derivatives_are_those_of_the_value(rule, system):
     compare(rules()[rule](L), *pair(L), L.h, TIME, bound, delta)
 
 
-@pytest.mark.parametrize("rule", ["midpoint", "vprk Gauss(2)", "vprk LobattoIIIAB(3)"])
-@pytest.mark.parametrize("name", sorted(registry()))
+@each("rule", ["midpoint", "vprk Gauss(2)", "vprk LobattoIIIAB(3)"])
+@each("name", sorted(registry()))
 def test_the_derivatives_for_every_lagrangian_of_the_library(name, rule):
     L = registry()[name]
     m = L.example

@@ -8,6 +8,7 @@ from orbits.tableaux.elementary import drift_kick, kick_drift
 from orbits.tableaux.gauss import gauss
 from orbits.tableaux.lobatto import lobatto_iiia_iiib
 
+from ..coverings import each, first
 from .mechanics import Central, Magnetic, Oscillator, Pendulum, difference, pair, rules, systems
 
 SEPARABLE = [Pendulum(), Central(), Central(dimension=3), Oscillator()]
@@ -46,7 +47,7 @@ def test_both_symplectic_eulers_are_partitioned_methods_with_one_stage(L):
     assert np.argmin(defects[0]) != np.argmin(defects[1])
 
 
-@pytest.mark.parametrize("L", [Pendulum(), Magnetic(), Central()], ids=lambda L: L.name)
+@pytest.mark.parametrize("L", first(1, [Pendulum(), Magnetic(), Central()]), ids=lambda L: L.name)
 @pytest.mark.parametrize(
     "tableau", [gauss(2), gauss(3), lobatto_iiia_iiib(2), lobatto_iiia_iiib(3)], ids=lambda t: t.name
 )
@@ -81,8 +82,8 @@ def test_the_extremum_under_the_constraint_is_found_by_a_method_that_knows_nothi
 SYMMETRIC = ("trapezoidal", "midpoint", "vprk Gauss", "vprk LobattoIIIAB", "exact")
 
 
-@pytest.mark.parametrize("L", ALL, ids=lambda L: L.name)
-@pytest.mark.parametrize("rule", rules())
+@each("L", ALL)
+@each("rule", rules())
 def test_which_rules_are_symmetric(rule, L):
     """L_d(q0, q1; h) = -L_d(q1, q0; -h)."""
     L_d, (q0, q1), t = rules()[rule](L), pair(L), 0.3

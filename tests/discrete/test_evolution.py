@@ -8,11 +8,12 @@ from orbits.errors import ConvergenceError, InputError
 from orbits.lagrangians.newtonian import n_body
 from orbits.tableaux.gauss import gauss
 
+from ..coverings import each
 from .mechanics import Bratu, Central, Degenerate, Driven, Magnetic, Oscillator, Pendulum, rules, systems
 
 
-@pytest.mark.parametrize("system", systems())
-@pytest.mark.parametrize("rule", [name for name in rules() if name != "exact_by_collocation"])
+@each("system", systems())
+@each("rule", [name for name in rules() if name != "exact_by_collocation"])
 def test_pairs_and_positions_with_momenta_march_alike(rule, system):
     L = systems()[system]
     L_d, h, t = rules()[rule](L), L.h, 0.3

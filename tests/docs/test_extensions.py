@@ -11,12 +11,14 @@ pytest.importorskip("sphinx", reason="Sphinx comes with the extra 'docs'")
 from docutils import nodes
 from docutils.core import publish_doctree
 from house_docstrings import to_rst
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from markdown_pages import API, markdown, pages
 from public_names import documented
 from repository_links import DOCS, ROOT, rewritten
 from unicode_formulas import typeset
+
+from ..coverings import each
 
 QUIET = {"report_level": 1, "halt_level": 5, "warning_stream": False, "syntax_highlight": "none"}
 
@@ -59,13 +61,12 @@ def test_an_indented_example_becomes_code_and_text_stays_as_it_was_typed() -> No
 WORDS = st.text(alphabet=list("ab :;.,*|_`<>()[]\\\n=-'\"#+~^4"), max_size=120)
 
 
-@settings(max_examples=100, deadline=None)
 @given(WORDS)
 def test_no_docstring_whatever_is_misread_as_markup(text: str) -> None:
     assert not complaints(read("A summary.\n\n" + text))
 
 
-@pytest.mark.parametrize("page", sorted({entry.page for entry in documented()}))
+@each("page", sorted({entry.page for entry in documented()}))
 def test_every_docstring_of_the_reference_is_read_without_complaint(page: str) -> None:
     for entry in documented():
         if entry.page == page:
@@ -74,7 +75,7 @@ def test_every_docstring_of_the_reference_is_read_without_complaint(page: str) -
                 assert not complaints(read(text)), (entry.full_name, text)
 
 
-@pytest.mark.parametrize(
+@each(
     ("typed", "expected"),
     [
         ("L_d(q_{k-1}, q_k)", "L<d>(q<k-1>, q<k>)"),
@@ -93,7 +94,6 @@ def test_what_is_typed_with_low_and_high_signs_is_set_low_and_high(typed: str, e
     assert "".join(marks[type(node)].format(node.astext()) for node in typeset(typed)) == expected
 
 
-@settings(deadline=None)
 @given(st.text(alphabet=list("ab12_^{}() /-ΣL"), max_size=60))
 def test_no_character_of_a_formula_is_lost(text: str) -> None:
     shown = "".join(node.astext() for node in typeset(text))

@@ -20,6 +20,8 @@ from orbits.integrators import registry
 from orbits.plotting import style
 from orbits.scenario import bundled
 
+from ..coverings import each
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -56,7 +58,7 @@ def test_every_public_name_has_its_place(site: Path) -> None:
     assert {entry.full_name for entry in documented()} <= shown
 
 
-@pytest.mark.parametrize("name", [entry.full_name for entry in documented()])
+@each("name", [entry.full_name for entry in documented()])
 def test_every_name_of_the_reference_is_documented(name: str) -> None:
     (entry,) = [entry for entry in documented() if entry.full_name == name]
     assert entry.doc, f"{name} is public and has no docstring"

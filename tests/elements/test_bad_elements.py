@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from astropy import units as u
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import orbits
@@ -52,7 +52,6 @@ def refused(error: Exception) -> None:
 
 
 @given(gm=attraction, elements=ways(anything), t=anything)
-@settings(max_examples=250, deadline=None, derandomize=True)
 def test_elements_make_a_finite_state_or_an_InputError(gm: Any, elements: dict[str, Any], t: Any) -> None:
     try:
         q, v = state_from_elements(gm, **elements, t=t)
@@ -70,7 +69,6 @@ vector = st.integers(0, 9).flatmap(
 
 
 @given(q=vector, v=vector, gm=attraction, t=anything)
-@settings(max_examples=250, deadline=None, derandomize=True)
 def test_states_make_elements_without_nan_and_move_to_finite_states_or_an_InputError(
     q: Any, v: Any, gm: Any, t: Any
 ) -> None:
@@ -101,7 +99,6 @@ quantity = st.sampled_from([2.0 * u.au, 1.0 * u.yr, 30.0 * u.deg, 0.1 * u.one, u
     primary=st.sampled_from([None, "Sun", "jacobi", "Barycentre", "Io", 3, ["Sun"]]),
     frame=st.sampled_from([None, None, "icrf", 7]),
 )  # fmt: skip
-@settings(max_examples=250, deadline=None, derandomize=True)
 def test_a_system_takes_a_body_or_says_why_not(
     orbit: dict[str, Any], body: dict[str, Any], primary: Any, frame: Any
 ) -> None:

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 import rebound
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from orbits.elements import Elements, elements_from_state, state_from_elements
 from orbits.errors import InputError
+
+from ..coverings import each
 
 TURN = 2.0 * np.pi
 angle = st.floats(0.0, TURN)
@@ -66,7 +68,6 @@ def test_state_from_elements_agrees_with_50_digits(
     a=st.floats(1e-3, 1e4), gm=st.floats(1e-12, 1e6), pericentre=st.sampled_from(["omega", "pomega"]),
     kind=st.sampled_from(["M", "E", "f", "l", "theta"]),
 )  # fmt: skip
-@settings(max_examples=300, deadline=None, derandomize=True)
 def test_round_trip_holds_for_any_orbit_and_every_way_to_say_it(
     e: float, inc: float, Omega: float, omega: float, place: float, a: float, gm: float, pericentre: str, kind: str
 ) -> None:
@@ -104,8 +105,8 @@ def test_elements_come_back_as_they_were_given() -> None:
     assert np.allclose(got.P[:n], TURN * np.sqrt(got.a[:n] ** 3 / 2.5), rtol=1e-15, atol=0)
 
 
-@pytest.mark.parametrize("inc", [0.0, 0.4, np.pi / 2 - 1e-9, np.pi / 2 + 1e-9, 2.5, np.pi])
-@pytest.mark.parametrize("e", [0.2, 1.7])
+@each("inc", [0.0, 0.4, np.pi / 2 - 1e-9, np.pi / 2 + 1e-9, 2.5, np.pi])
+@each("e", [0.2, 1.7])
 def test_names_mean_what_they_mean_in_rebound_retrograde_too(e: float, inc: float) -> None:
     given = {
         "a": 2.0 if e < 1 else -2.0,
@@ -252,7 +253,7 @@ REFUSED_ELEMENTS = [
 ]
 
 
-@pytest.mark.parametrize(("given", "message"), REFUSED_ELEMENTS, ids=[str(row[0]) for row in REFUSED_ELEMENTS])
+@each(("given", "message"), REFUSED_ELEMENTS)
 def test_elements_that_are_no_orbit_are_refused_by_name_and_value(given: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         state_from_elements(given.pop("gm", 1.0) if "gm" in given else 1.0, names=["Ceres"], **given)

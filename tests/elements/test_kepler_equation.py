@@ -18,6 +18,8 @@ from orbits.elements.kepler_equation import (
     sinh_anomaly,
 )
 
+from ..coverings import each
+
 HALF_ULP = 2.0**-53
 ANGLES = np.concatenate([10.0 ** np.arange(-15.0, 0.3, 0.7), [1e-300, 0.9, 2.0, 2.8, 3.1, 3.14159]])
 
@@ -76,8 +78,8 @@ def test_x_minus_sin_x_keeps_its_digits_at_every_size() -> None:
             assert abs(got - exact) <= 4 * HALF_ULP * exact
 
 
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize("distance", [2.0**-52, 1e-15, 1e-9, 1e-30, 1e-100])
+@each("side", [1, -1])
+@each("distance", [2.0**-52, 1e-15, 1e-9, 1e-30, 1e-100])
 def test_next_to_the_parabola_it_is_one_minus_e_that_counts(distance: float, side: int) -> None:
     rng = np.random.default_rng(3)
     M = np.concatenate([10.0 ** rng.uniform(-250, -20, 20), 10.0 ** rng.uniform(-20, 0.49, 20)])

@@ -15,6 +15,7 @@ from orbits import kepler_flow
 from orbits.elements import state_from_elements
 from orbits.errors import InputError
 
+from ..coverings import each
 from ..kepler_truth import flow
 
 TURN = 2.0 * np.pi
@@ -68,7 +69,7 @@ def test_units_of_any_size_give_the_same_digits() -> None:
         assert np.array_equal(new_v / (length / time), plain[1])
 
 
-@pytest.mark.parametrize(
+@each(
     ("q", "v", "gm", "dt", "message"),
     [
         ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "at the position of the attracting body"),

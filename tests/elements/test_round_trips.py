@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from orbits.elements import elements_from_state, state_from_elements
+
+from ..coverings import each
 
 TURN = 2.0 * np.pi
 N = 1000
@@ -63,8 +65,8 @@ def states(conic: str, plane: str) -> tuple[np.ndarray, np.ndarray]:
         f=rng.uniform(-1, 1, N) * limit)  # fmt: skip
 
 
-@pytest.mark.parametrize("plane", PLANES)
-@pytest.mark.parametrize("conic", CONICS)
+@each("plane", PLANES)
+@each("conic", CONICS)
 def test_a_and_q_with_M_E_or_T_give_every_state_back(conic: str, plane: str) -> None:
     state = states(conic, plane)
     elements = elements_from_state(*state, 1.0)
@@ -120,7 +122,7 @@ BY_E: dict[str, dict[tuple[str, str], float]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("conic", BY_E)
+@each("conic", BY_E)
 def test_a_size_and_e_give_back_what_a_float_e_holds(conic: str) -> None:
     for plane in PLANES:
         state = states(conic, plane)
@@ -133,8 +135,8 @@ def test_a_size_and_e_give_back_what_a_float_e_holds(conic: str) -> None:
                 assert error(got, state) <= bound * (1.0 if pericentre == "omega" else 1.3), (plane, keys)
 
 
-@pytest.mark.parametrize("plane", PLANES)
-@pytest.mark.parametrize(("conic", "bound"), [("circles", 7e-15), ("nearly circular", 8e-15), ("e < 0.9", 1.1e-13)])
+@each("plane", PLANES)
+@each(("conic", "bound"), [("circles", 7e-15), ("nearly circular", 8e-15), ("e < 0.9", 1.1e-13)])
 def test_pals_elements_give_the_state_back(conic: str, plane: str, bound: float) -> None:
     state = states(conic, plane)
     elements = elements_from_state(*state, 1.0)
@@ -163,7 +165,6 @@ angle = st.floats(-100.0, 100.0)
     inc=st.floats(0.0, np.pi) | st.sampled_from([0.0, np.pi, 1e-300, np.nextafter(np.pi, 0.0), 0.5 * np.pi]),
     Omega=angle, omega=angle, place=st.floats(-0.97, 0.97), by=st.sampled_from(["M", "E", "T"]),
 )  # fmt: skip
-@settings(max_examples=400, deadline=None, derandomize=True)
 def test_round_trip_holds_over_the_whole_domain(
     e: float, q: float, gm: float, inc: float, Omega: float, omega: float, place: float, by: str
 ) -> None:
@@ -185,8 +186,8 @@ def turned(x: Any, y: Any) -> float:
     return float(np.max(np.abs((x - y + np.pi) % TURN - np.pi)))
 
 
-@pytest.mark.parametrize("e", [0.0, 0.01, 0.3, 0.7])
-@pytest.mark.parametrize("inc", [0.0, 0.3, 2.14, np.pi])
+@each("e", [0.0, 0.01, 0.3, 0.7])
+@each("inc", [0.0, 0.3, 2.14, np.pi])
 def test_what_elements_say_comes_back_under_the_same_names(inc: float, e: float) -> None:
     """Every name of place and pericentre, angles anywhere; prograde, retrograde, planar and circular."""
     planar, circular = inc in (0.0, np.pi), e == 0.0

@@ -12,6 +12,8 @@ from orbits.ensemble.clones import drawn
 from orbits.errors import InputError, UnknownNameError
 from tests.ensemble.belts import belt, giants, system
 
+from ..coverings import each
+
 SIGMA = np.array([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
 CORRELATION = 0.6 * np.ones((6, 6)) + 0.4 * np.eye(6)
 COVARIANCE = CORRELATION * np.outer(SIGMA, SIGMA)
@@ -129,7 +131,7 @@ def test_particles_come_from_a_catalogue_a_system_or_states():
     np.testing.assert_array_equal(ensemble.particles(planets, states).q, members.q)
 
 
-@pytest.mark.parametrize(
+@each(
     ("make", "message"),
     [
         (lambda: ensemble.particles(giants(), giants()), "no members"),

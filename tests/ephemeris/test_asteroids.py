@@ -13,6 +13,8 @@ from orbits.elements import ecliptic_to_icrf, elements_from_state, state_from_el
 from orbits.ephemeris import gm
 from orbits.errors import InputError, UnknownNameError
 
+from ..coverings import each
+
 
 def heliocentric(catalogue: Catalogue) -> tuple[np.ndarray, np.ndarray]:
     return state_from_elements(
@@ -87,7 +89,7 @@ def test_nameless_asteroids_go_by_designation() -> None:
     assert chosen.numbers.tolist() == [36922, 37298]
 
 
-@pytest.mark.parametrize(
+@each(
     ("chosen", "names"),
     [
         ({"names": ["Vesta", "Ceres", "Vesta"]}, ("Vesta", "Ceres")),
@@ -111,7 +113,7 @@ def test_classes_of_the_database_add_up_to_the_belt() -> None:
     assert sum(parts) == len(asteroids(classes="belt")) == 2282
 
 
-@pytest.mark.parametrize(
+@each(
     ("chosen", "error", "message"),
     [
         ({"names": "Cerez"}, UnknownNameError, r"no asteroid 'Cerez' here; did you mean 'Ceres'.*2781"),

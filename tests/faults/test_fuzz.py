@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.errors import InputError, OrbitsError, shown
+from orbits.errors import InputError, OrbitsError
 from tests.faults.alarm import at_most
 from tests.faults.fuzz import RUN, SECONDS, fuzz
+
+from ..coverings import each
 
 
 def test_a_few_calls_with_anything_at_all_give_numbers_or_errors_in_words():
@@ -36,10 +38,10 @@ ABSURD = {
 }
 
 
-@pytest.mark.parametrize(
-    "absurd", [10**400, 10**11, -1, np.nan, np.inf, "x", [], np.zeros(0), np.array("x")], ids=shown
+@each(
+    "absurd", [10**400, 10**11, -1, np.nan, np.inf, "x", [], np.zeros(0), np.array("x")]
 )
-@pytest.mark.parametrize("what", ABSURD)
+@each("what", ABSURD)
 def test_absurd_values_are_refused_in_words_and_at_once(what, absurd):
     with at_most(SECONDS), contextlib.suppress(OrbitsError):
         ABSURD[what](absurd)

@@ -19,6 +19,7 @@ from orbits.archive import Archive
 from orbits.errors import ArchiveError, OrbitsError
 from orbits.kernels.search.record import LEAST2, MATE, ROW, STATE, STEP, WHEN
 
+from ..coverings import every
 from . import hostile, small
 from .alarm import at_most
 
@@ -265,7 +266,7 @@ def refusals(path: Path) -> list[OrbitsError]:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("kind", REFUSED)
+@pytest.mark.parametrize("kind", every(4, REFUSED))
 def test_an_archive_that_no_run_writes_is_refused_when_it_is_opened(kind, original):
     path = hostile.made(original, original.with_name("hostile.h5"), REFUSED[kind])
     errors = refusals(path)
@@ -278,7 +279,7 @@ def test_an_archive_that_no_run_writes_is_refused_when_it_is_opened(kind, origin
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("kind", NOT_RESUMED)
+@pytest.mark.parametrize("kind", every(4, NOT_RESUMED))
 def test_a_checkpoint_that_no_run_writes_is_refused_by_resume(kind, original):
     path = hostile.made(original, original.with_name("hostile.h5"), NOT_RESUMED[kind])
     with at_most(SECONDS), pytest.raises(OrbitsError) as caught:

@@ -13,6 +13,8 @@ from orbits.kernels.gravity.terms_and_forces import add_forces, total_particle_f
 from orbits.kernels.lanes import full, lane, load
 from orbits.terms import Damping, GasDrag, MassLoss, NonGravitational, RadiationPressure
 
+from ..coverings import each
+
 UNIT = orbits.DIMENSIONLESS
 EPS = 2.0**-53
 POLE = (0.36, 0.48, 0.8)
@@ -161,7 +163,7 @@ def system():
     return orbits.System(["star", "planet", "grain"], [1.0, 1e-3, 0.0], np.eye(3), np.zeros((3, 3)), units=UNIT)
 
 
-@pytest.mark.parametrize(("force", "words"), GIVEN.values(), ids=GIVEN)
+@each(("force", "words"), GIVEN.values())
 def test_what_makes_no_sense_is_refused_with_a_reason(force, words):
     with pytest.raises(InputError, match=words):
         system().with_forces(force())

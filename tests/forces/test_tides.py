@@ -11,6 +11,8 @@ from orbits.errors import ConvergenceError, InputError
 from orbits.events import Pericentre
 from orbits.terms import Tides
 
+from ..coverings import each
+
 METHOD = orbits.Gauss(stages=4)
 STEPS = {"progress": False, "check_step": False}
 EPS = 2.0**-53
@@ -166,7 +168,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize(("change", "said"), WRONG.values(), ids=WRONG)
+@each(("change", "said"), WRONG.values())
 def test_numbers_that_no_tides_have_are_refused(change, said):
     grain = pair().add("grain", gm=0.0, q=[0.0, 2.0, 0.0], v=[-0.7, 0.0, 0.1])
     with pytest.raises(InputError, match=said):

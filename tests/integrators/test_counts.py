@@ -7,6 +7,8 @@ import orbits
 from orbits.errors import InputError
 from orbits.integrators import parse
 
+from ..coverings import each
+
 METHODS = {
     "Gauss": (lambda count: orbits.Gauss(stages=count), 2),
     "LobattoIIIAB": (lambda count: orbits.methods.LobattoIIIAB(stages=count), 3),
@@ -23,7 +25,7 @@ ORDERS = NO_COUNTS[3:]
 """What SABA takes for orders if it stands alone: a text such as "8, 4", and what is a list."""
 
 
-@pytest.mark.parametrize(
+@each(
     ("name", "given"),
     [(name, given) for name in METHODS for given in NO_COUNTS if not ("alone" in name and given in ORDERS)],
 )

@@ -9,7 +9,7 @@ from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 
 from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched
 
-FOLLOW = orbits.WisdomHolman(encounters="follow")
+FOLLOW = orbits.WisdomHolman(encounters="follow particles")
 TIME = 8.0
 
 
@@ -35,6 +35,7 @@ def ends(method, h, order=None, **options):
     return marched(method, STRONG["all"](star), start, h, round(TIME / h), retire=True, **options)
 
 
+@pytest.mark.nightly
 def test_followed_particles_converge_to_the_motion_by_gauss_with_the_same_terms():
     """Where momenta were taken for velocities as a particle leaves or returns, it would be off by 1e-3: they differ by
     3e-4 of them. The error is that of the map, of the second order in the terms, magnified by encounters.

@@ -11,6 +11,7 @@ from orbits.integrators.collocation.form import Collocation
 from orbits.tableaux import gauss
 
 from ..contracts.problems import march
+from ..coverings import first
 from ..problems import kepler_orbit, three_bodies
 from .plain_steps import one_step
 
@@ -30,7 +31,7 @@ class InTwoRegisters(orbits.Gauss):
     second_order = property(lambda self: TwoRegisters(self.tableau))
 
 
-@pytest.mark.parametrize("stages", [3, 8])
+@pytest.mark.parametrize("stages", first(1, [3, 8]))
 def test_a_step_in_several_registers_and_one_in_one_register_agree(stages):
     start = three_bodies(particles=11)
     fast = march(orbits.Gauss(stages=stages), *start, 0.15, 40)
@@ -48,7 +49,7 @@ def test_the_exactly_symplectic_form_holds_for_any_number_of_stages(stages):
 
 
 # Three registers are compiled as four are, and take as long: two and four are in the short form.
-@pytest.mark.parametrize("stages", [12, 16, pytest.param(24, marks=pytest.mark.slow), 32])
+@pytest.mark.parametrize("stages", first(1, [12, 16, pytest.param(24, marks=pytest.mark.slow), 32]))
 def test_long_steps_leave_round_off_only(stages):
     """Steps a quarter of the inner planet's period, against eight stages at an eighth of that."""
     start = three_bodies(particles=11)

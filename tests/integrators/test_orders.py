@@ -12,6 +12,7 @@ from orbits.marching.flow import Flow
 from orbits.methods import LobattoIIIAB, LobattoIIIBA
 from orbits.tableaux import gauss, lobatto_iiia_iiib
 
+from ..coverings import at, first
 from ..problems import kepler_orbit
 from .plain_steps import one_step
 
@@ -46,8 +47,10 @@ errors of q and p of a harmonic oscillator, m = 1, k = 0.5, q = 0.5, p = 0, afte
 """
 
 
-@pytest.mark.parametrize(("family", "stages"), [(family, int(s)) for family, bounds in BOUNDS.items() for s in bounds])
-@pytest.mark.parametrize("canonical", [False, True], ids=["second-order form", "canonical form"])
+@pytest.mark.parametrize(
+    ("family", "stages"), at((1, 5), [(family, int(s)) for family, bounds in BOUNDS.items() for s in bounds])
+)
+@pytest.mark.parametrize("canonical", first(1, [False, True]), ids=["second-order form", "canonical form"])
 def test_the_bounds_of_geometric_integrators_are_met(family, stages, canonical):
     method = {"Gauss": orbits.Gauss, "IIIA": LobattoIIIAB, "IIIB": LobattoIIIBA}[family](stages=stages)
     flow = Flow(orbits.lagrangians.harmonic_oscillator, method, 0.1, canonical=canonical)

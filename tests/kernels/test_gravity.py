@@ -10,6 +10,8 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.gravity import pair_sums
 from orbits.lagrangians.newtonian import parameters
 
+from ..coverings import first
+
 ULP = 2.0**-53
 
 
@@ -48,7 +50,7 @@ def vector(q):
 FORCE_ULPS = 6.5
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 7, 8, 9, 10, 16, 17, 40, 130])
+@pytest.mark.parametrize("n", first(9, [1, 2, 3, 7, 8, 9, 10, 16, 17, 40, 130]))
 @pytest.mark.parametrize("softening", [0.0, 0.05])
 def test_bodies_in_lanes_equal_forty_digit_accelerations(n, softening):
     gm, q, strength = problem(n, seed=n, softening=softening)

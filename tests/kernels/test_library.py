@@ -109,6 +109,7 @@ print({name}(0.3).hex(), *squared.callee.stats.cache_hits.values(), "numba.np.ar
 """
 
 
+@pytest.mark.nightly
 def test_a_caller_compiled_later_copies_a_kernel_found_on_disk_and_what_is_loaded_needs_no_compiler(tmp_path):
     """Numba's compiler takes a tenth of a second of imports; `arraymath` is one of them."""
     (tmp_path / "called.py").write_text(CALLED)
@@ -143,6 +144,7 @@ def both(n):
 """
 
 
+@pytest.mark.nightly
 def test_kernels_that_call_each_other_work_in_a_second_process(tmp_path):
     """Numba resolves such calls through memory of the process that compiled; loaded from the cache, they crashed the
     next one.

@@ -6,6 +6,8 @@ import pytest
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.sums.linear_equations import factorize, solve, solve_rows
 
+from ..coverings import each
+
 EPS = 2.0**-53
 
 
@@ -67,7 +69,7 @@ SINGULAR = {
 }
 
 
-@pytest.mark.parametrize("case", SINGULAR)
+@each("case", SINGULAR)
 def test_a_matrix_without_inverse_is_told(case):
     a = SINGULAR[case].copy()
     assert not factorize(a, len(a), np.zeros(len(a)))

@@ -210,6 +210,7 @@ print(*hits, *record[0, 0])
 """
 
 
+@pytest.mark.nightly
 def test_observer_and_driver_are_loaded_from_the_cache_in_a_second_process(tmp_path):
     (tmp_path / "observed.py").write_text(MODULE)
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": str(tmp_path)}

@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import orbits
@@ -21,6 +21,8 @@ from orbits.lagrangians.base import SEPARABLE
 from orbits.lagrangians.symbolic.printing import FUNCTIONS, Printer
 from orbits.marching.flow import Flow
 from orbits.methods import LobattoIIIAB, RungeKutta4, SymplecticEuler
+
+from ..coverings import each, first
 
 q, v, w, k, t = sympy.symbols("q v w k t")
 x, y, vx, vy = sympy.symbols("x y vx vy")
@@ -47,7 +49,7 @@ def printed(expression, symbols):
     return value
 
 
-@pytest.mark.parametrize("exponent", [sympy.Rational(n, 2) for n in range(-9, 10) if n] + [sympy.Rational(1, 3), -4, 7])
+@each("exponent", [sympy.Rational(n, 2) for n in range(-9, 10) if n] + [sympy.Rational(1, 3), -4, 7])
 def test_powers_are_printed_right_alone_and_in_a_quotient(exponent):
     base = x**2 + y**2
     for expression in (base**exponent, 3 * x / (y * base**exponent), x * base ** (exponent - 1) - base**exponent / x):
@@ -70,7 +72,6 @@ TERMS = [
 ]
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.sampled_from(TERMS), st.sampled_from("+-*/")), min_size=1, max_size=6))
 def test_whatever_is_combined_is_printed_right(parts):
     expression = sympy.Integer(1)
@@ -153,7 +154,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
+@each("case", REFUSED)
 def test_what_cannot_be_a_lagrangian_is_refused_with_the_reason(case):
     L, changes, message = REFUSED[case]
     with pytest.raises(InputError, match=message):
@@ -218,7 +219,7 @@ def restoring(parameters, q, out):
     put(out, 0, -parameters[0] * get(q, 0) * get(q, 0) * get(q, 0))
 
 
-@pytest.mark.parametrize("case", WRONG_USES)
+@each("case", WRONG_USES)
 def test_a_wrong_use_is_an_input_error_that_says_what_is_right(case):
     use, message = WRONG_USES[case]
     with pytest.raises(InputError, match=message):
@@ -261,10 +262,10 @@ def test_kernels_typed_into_a_session_that_look_alike_are_not_confused():
 
 @pytest.mark.parametrize(
     "method",
-    [orbits.Gauss(stages=8), LobattoIIIAB(stages=3), orbits.StormerVerlet(), RungeKutta4()],
+    first(2, [orbits.Gauss(stages=8), LobattoIIIAB(stages=3), orbits.StormerVerlet(), RungeKutta4()]),
     ids=lambda m: m.label,
 )
-@pytest.mark.parametrize("canonical", [False, True])
+@pytest.mark.parametrize("canonical", first(2, [False, True]))
 def test_a_singular_configuration_on_the_way_is_an_error_with_step_and_state(method, canonical):
     """A fall into the centre with a step of 0.3: no method returns NaN."""
     if canonical and method.canonical is None:
@@ -332,6 +333,7 @@ def test_kernels_are_found_again_by_another_process_which_needs_no_sympy(tmp_pat
     assert int(warm[2]) == 0
 
 
+@pytest.mark.nightly
 def test_lagrangians_that_are_not_regular_or_not_defined_at_rest_or_beyond_march():
     relativistic = made(-sympy.sqrt(1 - v**2) - q**2 / 2, name="relativistic")
     path = orbits.march(relativistic, orbits.Gauss(stages=4), q=[0.0], v=[0.9], dt=0.05, steps=200)

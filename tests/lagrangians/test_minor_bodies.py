@@ -10,6 +10,8 @@ from orbits.kernels.compile import kernel
 from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.terms.minor_bodies import minor_bodies
 
+from ..coverings import first
+
 GM = np.array([1.0, 2e-5, 1e-5, 3e-5, 5e-6, 7e-6, 1e-5, 2e-5, 4e-5, 1e-5, 6e-6])
 MINOR = {1, 4, 5, 7, 8, 9}
 METHODS = {
@@ -77,7 +79,7 @@ def test_shares_of_the_accelerations_have_the_bits_of_the_whole():
     assert np.array_equal(whole[: 3 * len(GM)], parts[: 3 * len(GM)])
 
 
-@pytest.mark.parametrize("options", METHODS.values(), ids=METHODS)
+@pytest.mark.parametrize("options", first(1, METHODS.values()), ids=METHODS)
 def test_all_that_is_conserved_is_conserved(options):
     run = orbits.propagate(system(), duration=20.0, samples=41, progress=False, check_step=False, **options)
     drift = run.drift()

@@ -26,6 +26,7 @@ print(made.A, os.stat(made.__file__).st_mtime_ns, os.stat(made.__file__).st_ino)
 """
 
 
+@pytest.mark.nightly
 def test_processes_that_make_one_module_at_the_same_time_share_one_file(tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     pipe = subprocess.PIPE

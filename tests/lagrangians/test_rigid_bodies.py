@@ -69,6 +69,7 @@ def test_the_groups_of_a_body_are_those_that_leave_it_as_it_is():
     assert names(orbits.lagrangians.rigid_body((1, 1, 2)).with_parameters(I1=1.5)) == [*space, "length of q"]
 
 
+@pytest.mark.nightly
 def test_two_bodies_keep_their_whole_angular_momentum_while_it_flows_from_orbit_to_spin():
     pair = orbits.lagrangians.full_two_body((1.0, 0.3), None, (0.02, 0.03, 0.04))
     q = np.array([1.5, 0.1, 0.2, *rotations.start((0, 0, 0), (1, 0.3, 0.1, 0.2))[0]])

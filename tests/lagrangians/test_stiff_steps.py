@@ -6,6 +6,8 @@ import pytest
 import orbits
 from orbits.marching.flow import Flow
 
+from ..coverings import at
+
 PENDULUM = orbits.lagrangians.pendulum
 
 
@@ -38,7 +40,7 @@ def worst_miss(L, method, dt, q, p, steps=60, *, canonical=False):
 
 
 @pytest.mark.parametrize("canonical", [False, True])
-@pytest.mark.parametrize(("g", "stages"), [(500.0, 2), (1800.0, 4), (2000.0, 4), (2200.0, 6)])
+@pytest.mark.parametrize(("g", "stages"), at((0, 3), [(500.0, 2), (1800.0, 4), (2000.0, 4), (2200.0, 6)]))
 def test_steps_so_long_that_iterations_stall_are_solved_to_the_floor_or_refused(g, stages, canonical):
     """A stiff pendulum, h omega = 2 to 5: the change falls unevenly, and a stall is not an end."""
     stiff = PENDULUM.with_parameters(g=g)

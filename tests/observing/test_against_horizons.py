@@ -10,6 +10,8 @@ from astropy.time import Time
 import orbits
 from tests.observing.skies import ALL
 
+from ..coverings import each
+
 STATE = (
     [-355942359.5268721, 81631232.2974398, 110885750.07979412] * u.km,
     [-536192.888074999, -1472823.5617805228, -584111.4496963195] * u.km / u.day,
@@ -26,7 +28,7 @@ def ceres() -> orbits.observing.Ephemeris:
     return run.ephemeris("Ceres", times=Time("2000-01-01 00:00", scale="utc"), H=3.53, G=0.12)
 
 
-@pytest.mark.parametrize(
+@each(
     ("column", "printed", "tolerance"),
     [
         ("ra", 188.70280, 1e-5),  # half a unit of the last digit printed, and rounding

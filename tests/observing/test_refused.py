@@ -13,8 +13,10 @@ import orbits
 from orbits.errors import EpochError, InputError, UnknownNameError
 from tests.observing.skies import begun
 
+from ..coverings import each
 
-@pytest.mark.parametrize(
+
+@each(
     ("given", "error", "message"),
     [
         ({"bodies": "Marz"}, UnknownNameError, "there is no body 'Marz'.*Did you mean 'Mars'"),

@@ -14,6 +14,8 @@ from orbits.plotting.resonances import integers_of, libration
 from tests.plotting import seen
 from tests.plotting.runs import MERGING, about_a_star
 
+from ..coverings import each
+
 PLANETS = {"inner": {"a": 1.0, "e": 0.2, "pomega": 1.0}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0, "inc": 0.3}}
 MANY = {f"rock {k}": {"a": 2.0 + 0.003 * k, "e": 0.001 * k, "M": 1.0 * k} for k in range(300)}
 
@@ -225,7 +227,7 @@ def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
     assert len(merged.plot("error").axes) == 1
 
 
-@pytest.mark.parametrize(
+@each(
     ("kind", "options", "error", "message"),
     [
         ("element", {}, UnknownNameError, "expected one of 'paths', 'elements', 'phase', .* Did you mean 'elements'"),

@@ -9,6 +9,8 @@ from orbits.integrators import registry
 from orbits.plotting import fitting_time, in_fitting_time, method_words, short
 from orbits.plotting.words import in_prose
 
+from ..coverings import each
+
 WORDS = {
     "ExplicitEuler()": "explicit Euler",
     "Gauss(stages=8)": "Gauss, 8 stages",
@@ -24,12 +26,12 @@ WORDS = {
 }
 
 
-@pytest.mark.parametrize("label", WORDS)
+@each("label", WORDS)
 def test_a_method_is_told_in_words(label):
     assert method_words(label) == WORDS[label]
 
 
-@pytest.mark.parametrize("cls", registry().values(), ids=lambda cls: cls.name)
+@each("cls", registry().values())
 def test_every_registered_method_has_words_without_brackets_that_tell_its_examples_apart(cls):
     words = [method_words(method.label) for method in cls.examples()]
     assert not any(set("()=_") & set(text) for text in words)
@@ -43,7 +45,7 @@ SPANS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("span", "unit"), SPANS)
+@each(("span", "unit"), SPANS)
 def test_a_span_of_time_is_told_in_the_unit_that_suits_it(span, unit):
     factor, found = fitting_time(span.to_value(u.day), u.day)
     assert found == unit

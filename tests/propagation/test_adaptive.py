@@ -18,6 +18,7 @@ from orbits.marching.watching import passage_list
 from orbits.propagation.marchers import bound
 from orbits.time_grid import TimeGrid
 
+from ..coverings import each
 from ..encounters import APOPHIS_MISS, apophis_2029
 from ..problems import kepler, three_bodies
 from .bodies import BURRAU, falling, system
@@ -163,6 +164,7 @@ def test_a_body_alone_moves_straight_on():
     assert run.q.value[:, 0].tolist() == [[1, 2, 3], [3, 2, 3], [5, 2, 3]]
 
 
+@pytest.mark.nightly
 def test_terms_of_positions_are_marched_too():
     flattened = orbits.System.solar_system().with_terms(
         orbits.terms.ZonalHarmonics("Sun", J2=1e-3, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)
@@ -180,7 +182,7 @@ OTHERS = [
 ]
 
 
-@pytest.mark.parametrize("method", OTHERS, ids=lambda method: method.label)
+@each("method", OTHERS)
 def test_methods_whose_steps_cannot_be_chosen_say_which_can(method):
     with pytest.raises(InputError, match=r"needs a dt.*Gauss\(stages=8\)"):
         propagate(system(*three_bodies()), 1.0, integrator=method)
@@ -327,6 +329,7 @@ def test_a_short_run_is_bound_once_and_marches_its_steps_in_one_block(monkeypatc
     assert run.statistics.steps > 50
 
 
+@pytest.mark.nightly
 def test_close_approaches_in_the_last_part_of_a_step_are_the_same_for_any_threads():
     planets = orbits.System.solar_system().remove("Pluto")
     names = [f"p{k}" for k in range(40)]

@@ -19,6 +19,8 @@ from orbits.integrators.base import Integrator
 from orbits.lagrangians.newtonian import newtonian
 from orbits.viewing.data import ViewData
 
+from ..coverings import STANDARD, only
+
 VERLET, MAP = orbits.StormerVerlet(), orbits.WisdomHolman()
 QUIET = {"check_step": False, "progress": False}
 SHORT: dict[str, Any] = {"dt": 1 / 32, "duration": 1.0, "samples": 3, **QUIET}
@@ -47,7 +49,7 @@ def looks(run: orbits.Trajectory) -> bool:
     return False
 
 
-@pytest.mark.parametrize("method", METHODS, ids=lambda method: method.label)
+@pytest.mark.parametrize("method", only(STANDARD, METHODS), ids=lambda method: method.label)
 def test_a_run_looks_for_them_if_its_method_declares_so_or_as_it_is_told(method: Integrator) -> None:
     expected = method.name in LOOKING or (method.name == "composition" and method.base.name == "gauss")
     assert method.looks_for_approaches is expected
@@ -80,7 +82,7 @@ def test_a_run_without_them_says_so_and_how_to_have_them(archived: bool, tmp_pat
         (VERLET, 1 / 32),
         (MAP, 1 / 16),
         (orbits.WisdomHolman(encounters="retire"), 1 / 16),
-        (orbits.WisdomHolman(encounters="follow", planets="follow"), 1 / 16),
+        (orbits.WisdomHolman(encounters="follow"), 1 / 16),
         (orbits.Gauss(stages=8), 1 / 4),
         (orbits.Gauss(stages=8), None),
     ],

@@ -180,6 +180,7 @@ def test_elastic_bounces_keep_the_energy() -> None:
     assert np.ptp(energy) < 1e-14 * abs(energy[0])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("then", [Merge(), Bounce(restitution=0.7)], ids=["merge", "bounce"])
 def test_collisions_keep_the_momentum_of_relativity_by_all_bodies(then: Merge | Bounce) -> None:
     """It has energies in it, and was off by 4e-8 when m v alone was kept."""

@@ -245,6 +245,7 @@ def test_behind_the_last_step_the_march_goes_on_with_shorter_steps_where_it_must
     assert np.abs(run.at(asked).q - sampled.q).max() < 1e-13  # 1.1e-14; one partial step alone would be 1e-4 off
 
 
+@pytest.mark.nightly
 def test_terms_and_forces_act_in_partial_steps_too():
     spin = orbits.terms.FrameDragging("star", spin=0.1, pole=(0.36, 0.48, 0.8), c=3.0)
     drag = orbits.terms.Drag(rate=1e-2, velocity=(0.05, 0.0, -0.02))

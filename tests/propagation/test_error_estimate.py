@@ -282,6 +282,7 @@ def test_an_interrupt_of_the_estimate_leaves_the_run(monkeypatch):
     assert len(caught.value.trajectory) == 13
 
 
+@pytest.mark.nightly
 def test_runs_in_transformed_time_have_bars_and_runs_with_mergers_say_why_they_have_none():
     bars = run_of(burrau(), dt=orbits.TimeTransformed(step=0.3), duration=20).error_estimate()
     assert 0 < bars.position.value[-1].max() < 1e-11  # 1e-13 seen

@@ -13,6 +13,8 @@ import orbits
 from orbits.errors import EventError, EventWarning, InputError
 from orbits.events import Bounce, CloseApproach, CloserThan, Collision, Event, Merge, Pericentre, PlaneCrossing
 
+from ..coverings import cover
+
 D = orbits.DIMENSIONLESS
 MERGE = Collision(then=Merge())
 STEPS = pytest.mark.parametrize("dt", [None, 0.02], ids=["adaptive", "constant"])
@@ -261,10 +263,13 @@ def of_clock(at: float, then: str = "stop") -> Event:
     return Event(lambda t, q, v: t - at, name="clock", then=then)
 
 
-@STEPS
-@pytest.mark.parametrize("then", [Merge(), Bounce(0.9), "record", "stop"], ids=str)
-@pytest.mark.parametrize("apart", [-0.3, -1e-3, -1e-6, 1e-6, 1e-3, 0.2])
-@pytest.mark.parametrize("samples", [[3.0], [2.53, 3.0]], ids=len)
+@cover(
+    ("dt", "then", "apart", "samples"),
+    [None, 0.02],
+    [Merge(), Bounce(0.9), "record", "stop"],
+    [-0.3, -1e-3, -1e-6, 1e-6, 1e-3, 0.2],
+    [[3.0], [2.53, 3.0]],
+)
 def test_a_run_that_an_event_stops_near_a_collision_ends_there_and_goes_on_to_the_same(
     dt: float | None, then: Any, apart: float, samples: list[float], tmp_path: Path
 ) -> None:

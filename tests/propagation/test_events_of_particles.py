@@ -261,6 +261,7 @@ def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(m
     assert len(run.events) == 3  # the last one in the steps before that one
 
 
+@pytest.mark.nightly
 def test_terms_and_forces_act_on_what_is_followed():
     dressed = system().with_terms(
         ZonalHarmonics("star", J2=0.05, radius=0.3, pole=POLE),

@@ -25,6 +25,8 @@ from orbits.events import (
 )
 from orbits.trajectory import events as tables
 
+from ..coverings import each
+
 
 def pair(**changes):
     bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.3, "M": 0.3, "gm": 1e-9}}
@@ -83,13 +85,13 @@ ONE_BODY_TWICE = [
 ]
 
 
-@pytest.mark.parametrize("call", ONE_BODY_TWICE)
+@each("call", ONE_BODY_TWICE)
 def test_an_event_of_one_body_twice_is_refused_when_it_is_made(call):
     with pytest.raises(InputError, match=r"'a' twice; expected (two|three) bodies"):
         call()
 
 
-@pytest.mark.parametrize(("call", "message"), REFUSED)
+@each(("call", "message"), REFUSED)
 def test_what_cannot_be_sought_is_refused(call, message):
     with pytest.raises(InputError, match=message):
         call()

@@ -20,6 +20,8 @@ from orbits.resources import data_path
 from orbits.system.model import model
 from orbits.time_grid import dynamical_time
 
+from ..coverings import at
+
 YEAR = 2 * math.pi
 BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]}
 
@@ -50,14 +52,14 @@ def chaotic():
 
 @pytest.mark.parametrize(
     ("method", "dt"),
-    [
+    at((2, 3), [
         (orbits.Gauss(stages=8), None),
         (orbits.Gauss(stages=8), "P/20"),
         (orbits.StormerVerlet(), "P/50"),
         *((orbits.WisdomHolman(*kind), "P/20") for kind in MAPS),
         (orbits.WisdomHolman(coordinates="democratic-heliocentric"), "P/50"),
         (orbits.methods.SABA(), "P/10"),
-    ],
+    ]),
     ids=["adaptive", "gauss", "stormer-verlet", "modified-kick", "lazy", "standard", "heliocentric", "SABA"],
 )
 def test_regular_planets_keep_the_bound_of_rebounds_test(method, dt):
@@ -76,6 +78,7 @@ def test_chaotic_planets_keep_the_bound_of_rebounds_test_and_agree_with_it(chaot
     assert abs(m.massive.megno[10] / theirs - 1.0) < 0.3  # of one random vector, on an orbit that forgets its digits
 
 
+@pytest.mark.nightly
 def test_chaotic_planets_in_a_map_keep_the_bound_of_rebounds_test():
     _, system = two_planets([1.0, 1.17 ** (2 / 3)], 0.0, 1e-4)
     options = {"dt": 0.01 * YEAR, "duration": 1e4, "samples": [1e4], "check_step": False}
@@ -103,6 +106,7 @@ def test_until_they_meet_such_planets_have_the_megno_of_rebounds_planets():
         assert abs(found.megno[-1] - np.mean(theirs)) < 0.05  # seen: 0.015, by other vectors
 
 
+@pytest.mark.nightly
 def test_the_lyapunov_time_of_helga_is_the_published_one():
     """522 Helga, the first asteroid seen to be chaotic and yet stable: 6,900 years (Milani & Nobili 1992, Nature 357,
     569). In 300,000 years 6,390, 6,670 and 6,330 are found in steps of 100, 120 and 60 d, 6,810 by SABA in 200 d, and
@@ -243,6 +247,7 @@ def test_megno_of_particles_in_a_map_grows_at_the_borders_of_a_resonance_and_is_
         assert m[name].lyapunov[-1] < 0.7 * m["outer"].lyapunov[-1]  # ln(t) / t, which falls slowly: seen 0.58
 
 
+@pytest.mark.nightly
 def test_particles_in_any_map_are_told_apart_and_their_encounters_told():
     """Beside 3:1 and at its border, with relativity and oblateness of the star too; and one that meets the planet."""
     system = a_star_and_a_planet().add("calm", primary="S", a=0.4, e=0.05)
@@ -282,7 +287,7 @@ def test_the_number_of_vectors_is_a_choice_and_the_first_ones_are_the_same():
     with pytest.raises(InputError, match="vectors"):
         orbits.megno(system, "gauss", vectors=0, **options)
     with pytest.raises(InputError, match="steps of their own"):
-        orbits.megno(system, orbits.WisdomHolman(encounters="follow"), **options)
+        orbits.megno(system, orbits.WisdomHolman(encounters="follow particles"), **options)
 
 
 @pytest.mark.parametrize("encounters", ["warn", "retire"])

@@ -9,6 +9,8 @@ import pytest
 import orbits
 from orbits.errors import InputError, with_unit
 
+from ..coverings import each
+
 STATES: dict[str, Any] = {
     "names": ["star", "planet"],
     "gm": [1.0, 1e-3],
@@ -43,7 +45,7 @@ WRONG: dict[str, Callable[[], Any]] = {
 }
 
 
-@pytest.mark.parametrize("case", WRONG)
+@each("case", WRONG)
 def test_a_message_about_numbers_without_units_has_no_gap(case: str) -> None:
     with pytest.raises(InputError) as caught:
         WRONG[case]()

@@ -293,6 +293,7 @@ def test_fewer_stages_reach_round_off_too(stages):
     np.testing.assert_allclose(run.q.value, best.q.value, rtol=0, atol=2e-12)
 
 
+@pytest.mark.nightly
 def test_terms_of_positions_act_on_particles_too():
     bodies = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
     flattened = bodies.add("stone", primary="Sun", a=0.3 * u.au, e=0.5).with_terms(

@@ -12,6 +12,7 @@ from orbits.errors import ConvergenceError, InputError, SingularityError
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.time_grid import rounded_step
 
+from ..coverings import each
 from ..problems import belt
 
 METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=4), orbits.methods.ExplicitEuler(), orbits.methods.RungeKutta4()]
@@ -254,7 +255,7 @@ TABLE = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), TABLE, ids=[str(w) for w, _ in TABLE])
+@each(("wrong", "message"), TABLE)
 def test_what_cannot_be_run_is_refused_in_words(wrong, message):
     arguments = {"system": binary(), "integrator": METHODS[0], "dt": 0.1, "duration": 1.0, **wrong}
     with pytest.raises(InputError, match=message):
@@ -275,7 +276,7 @@ def test_gauss_has_one_to_32_stages(stages):
         orbits.Gauss(stages=stages)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "expected"),
     [
         ("gauss", orbits.Gauss()),
@@ -285,7 +286,7 @@ def test_gauss_has_one_to_32_stages(stages):
         ("runge_kutta_4", orbits.methods.RungeKutta4()),
         ("wisdom-holman(kernel=lazy, corrector=11)", orbits.WisdomHolman(kernel="lazy", corrector=11)),
         ("WisdomHolman(democratic-heliocentric)", orbits.WisdomHolman("democratic-heliocentric")),
-        ("wisdom-holman(planets='follow')", orbits.WisdomHolman(planets="follow")),
+        ("wisdom-holman(encounters='follow planets')", orbits.WisdomHolman(encounters="follow planets")),
         ("composition(stormer-verlet, order=4)", orbits.methods.Composition(orbits.StormerVerlet(), order=4)),
     ],
 )
@@ -296,7 +297,7 @@ def test_integrators_are_read_as_people_type_them(text, expected):
     assert integrators.build(integrators.describe(expected)) == expected
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("gaus", "did you mean gauss"),

@@ -53,6 +53,7 @@ def off(run, reference):
     return max(np.abs(q[1] - q[0] - place).max(), np.abs(np.array(turned) - attitudes).max())
 
 
+@pytest.mark.nightly
 def test_two_rigid_bodies_follow_the_full_two_body_lagrangian_to_round_off(reference):
     run = orbits.propagate(pair(), dt=1 / 32, duration=2.0, samples=2, **STEPS)
     assert run.integrator == ORDER_8  # the method of systems with rigid bodies
@@ -106,6 +107,7 @@ def test_energy_and_angular_momentum_of_a_system_are_those_of_its_run_and_have_t
     assert np.isclose(system.energy().value, lagrangian.energy(q, v), rtol=1e-14)  # 1.2e-15
 
 
+@pytest.mark.nightly
 def test_a_hundred_thousand_free_revolutions_in_steps_keep_ten_digits():
     """With mass, and in lanes without: rounding leaves no walk of the energy, which would be a phase of 8e-7."""
     (moments,), _, (rates,) = drawn(1, seed=16)

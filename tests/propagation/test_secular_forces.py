@@ -50,6 +50,7 @@ SLOW = 1e-7
 """Rates: what is of their second order is 1e-5 of the change over 20 orbits."""
 
 
+@pytest.mark.nightly
 def test_light_makes_dust_spiral_inwards_as_wyatt_and_whipple_say():
     beta, c = 1e-6, 10.0
     da, de, _ = rates(RadiationPressure(beta=beta, c=c))
@@ -58,6 +59,7 @@ def test_light_makes_dust_spiral_inwards_as_wyatt_and_whipple_say():
     assert de == pytest.approx(-2.5 * beta * E / (c * A**2 * np.sqrt(1 - E**2)), rel=1e-4)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("gm", [0.0, 1e-3], ids=["particle", "body"])
 def test_the_yarkovsky_effect_drifts_as_its_formula_says(gm):
     da, _, _ = rates(NonGravitational.yarkovsky(SLOW, r0=1.0), gm=gm)
@@ -66,6 +68,7 @@ def test_the_yarkovsky_effect_drifts_as_its_formula_says(gm):
     assert da == pytest.approx(2 * SLOW / (n * A**2 * (1 - E**2)), rel=2e-5)
 
 
+@pytest.mark.nightly
 def test_damping_takes_a_e_and_i_at_their_rates():
     for name, expected in {
         "tau_a": (-SLOW, 0.0, 0.0),
@@ -80,6 +83,7 @@ def test_damping_takes_a_e_and_i_at_their_rates():
     assert di == pytest.approx(-SLOW * INCLINATION, rel=INCLINATION**2)
 
 
+@pytest.mark.nightly
 def test_gas_that_turns_slower_takes_a_circular_orbit_inwards():
     eta = 1e-2
     run = orbits.propagate(
@@ -101,6 +105,7 @@ def test_gas_that_turns_slower_takes_a_circular_orbit_inwards():
     assert (a[1] - a[0]) / (40 * np.pi) == pytest.approx(-2 * 1e-5 * 2.0**1.5 * behind**2, rel=1e-4)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("gm", [0.0, 1e-6], ids=["particle", "body"])
 def test_an_orbit_widens_as_its_star_loses_mass_and_keeps_its_eccentricity(gm):
     run = orbits.propagate(
@@ -159,6 +164,7 @@ def test_all_of_them_together_are_archived_resumed_and_their_work_accounted(tmp_
     run.close()
 
 
+@pytest.mark.nightly
 def test_radiation_pressure_of_one_per_cent_is_felt_in_physical_units():
     grain = orbits.System.solar_system(bodies=["Sun", "Jupiter"]).add(
         "grain", gm=0 * u.au**3 / u.day**2, q=[1, 0, 0] * u.au, v=[0, 29.78, 0] * u.km / u.s

@@ -8,6 +8,7 @@ from astropy import units as u
 
 import orbits
 
+from ..coverings import each
 from ..problems import belt
 
 GAUSS = orbits.Gauss(stages=8)
@@ -141,7 +142,7 @@ def test_distances_may_be_texts(system):
     assert "closer than 0.3 AU" in run.stopped.reason
 
 
-@pytest.mark.parametrize(
+@each(
     ("condition", "given", "message"),
     [
         (orbits.events.CloserThan, (0.0, "Venus"), "above 0"),

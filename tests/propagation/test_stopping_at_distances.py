@@ -10,13 +10,15 @@ from orbits.errors import InputError
 from orbits.events import Apocentre, CloserThan, Collision, FartherThan, Merge, Pericentre
 from orbits.methods import Composition
 
+from ..coverings import cover
+
 FREE = {"samples": 2, "progress": False, "check_step": False}
 METHODS = {
     "adaptive": {},
     "gauss": {"integrator": "gauss", "dt": 0.21},
     "kicks": {"integrator": Composition(order=8), "dt": 0.05},
     "map": {"integrator": "wisdom-holman", "dt": 0.21},
-    "map that is left": {"integrator": orbits.WisdomHolman(planets="follow"), "dt": 0.21},
+    "map that is left": {"integrator": orbits.WisdomHolman(encounters="follow planets"), "dt": 0.21},
 }
 
 
@@ -59,9 +61,7 @@ def test_a_limit_far_below_a_step_is_not_missed(dt, given):
 
 
 @pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("kind", [CloserThan, FartherThan])
-@pytest.mark.parametrize("method", METHODS)
+@cover(("method", "kind", "sign"), METHODS, [CloserThan, FartherThan], [1, -1], strength=1)
 def test_every_march_ends_at_the_bound_and_goes_on_as_if_it_had_not(method, kind, sign, tmp_path):
     options = {"duration": sign * 12.0, **FREE, **METHODS[method], "samples": 60}
     system, path = belt(), tmp_path / "run.h5"

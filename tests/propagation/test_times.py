@@ -14,6 +14,8 @@ import orbits
 from orbits.errors import EpochError, InputError
 from orbits.time_grid import times_since
 
+from ..coverings import each
+
 EPOCH = "2022-08-09"
 VERLET = orbits.StormerVerlet()
 
@@ -57,7 +59,7 @@ def test_an_end_before_the_epoch_goes_backwards_whatever_the_sign_of_the_step():
     assert np.array_equal(forwards.q, orbits.propagate(system(), VERLET, dt=10, duration=100, samples=3).q)
 
 
-@pytest.mark.parametrize(
+@each(
     ("arguments", "message"),
     [
         ({}, "neither duration nor until is given; expected one"),
@@ -77,7 +79,6 @@ def test_an_end_before_the_epoch_goes_backwards_whatever_the_sign_of_the_step():
         ({"duration": 10, "samples": [5, "2022-09-30"]}, r"samples\[1\] = 52 lies outside the run from 0 to 10"),
         ({"duration": 10, "samples": "5 d"}, r"a single time is \[time\]"),
     ],
-    ids=str,
 )
 def test_what_is_no_end_and_no_sample_is_refused_in_words(arguments, message):
     with pytest.raises(InputError, match=message):

@@ -16,6 +16,7 @@ from orbits.methods import ExplicitEuler
 from orbits.regression.conserved_quantities import Invariants
 from orbits.regression.problem import Problem, Sampled
 
+from ..coverings import each
 from ..problems import FIGURE_EIGHT
 
 GAUSS = orbits.Gauss(stages=8)
@@ -333,7 +334,7 @@ def test_a_wrong_use_without_dt_is_refused_before_anything_runs(change, message,
         orbits.compare(FIGURE_EIGHT, **{"duration": 2.0, "samples": 3, **change})
 
 
-@pytest.mark.parametrize(
+@each(
     ("change", "error", "message"),
     [
         ({"integrators": []}, InputError, "no integrator"),

@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 import rebound
 from astropy import units as u
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import orbits
 from orbits.errors import EpochError, InputError, OrbitsWarning
 from orbits.rebound import from_rebound, to_rebound
 from orbits.terms import MinorBodies
+
+from ..coverings import each
 
 NAMES = ["probe", "Sun", "Jupiter", "a grain"]
 GM = [0.0, 2.9591220828411956e-4, 2.8253458252257923e-7, 0.0]
@@ -153,7 +155,7 @@ def without_gravity():
     return sim
 
 
-@pytest.mark.parametrize(
+@each(
     ("make", "message"),
     [
         (with_two_heavy_test_particles_of_type_1, "'planet' is a test particle .* of type 1 with mass 0.001"),
@@ -202,7 +204,6 @@ def systems(draw):
     return orbits.System(names, gm, q, v, epoch=epoch, units=units, radii=radii, softening=softening)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
 @given(systems())
 def test_there_and_back_keeps_every_bit_of_any_system(system):
     back = from_rebound(to_rebound(system), epoch=system.epoch)

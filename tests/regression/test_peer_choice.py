@@ -13,6 +13,7 @@ from orbits.errors import InputError, UnknownNameError
 from orbits.regression import peers
 from orbits.regression.peer_choice import OPTIONS, PEERS, POSITIVE, listed, lookup
 
+from ..coverings import each
 from ..mixed_bodies import DT, GM, Q, V
 
 MASSIVE = GM > 0
@@ -29,7 +30,7 @@ EVERY = [
 ]
 
 
-@pytest.mark.parametrize("text", EVERY)
+@each("text", EVERY)
 def test_every_option_is_one_of_rebound_and_arrives_there(text):
     peer = lookup(text)
     assert (peer.name, peer.integrator) == (text, text.partition(":")[0])
@@ -44,7 +45,7 @@ def test_every_option_is_one_of_rebound_and_arrives_there(text):
     assert option in fresh
 
 
-@pytest.mark.parametrize("text", [each for each in EVERY if not each.startswith(("whfast512", "ias15"))])
+@each("text", [each for each in EVERY if not each.startswith(("whfast512", "ias15"))])
 def test_every_option_is_run_by_rebound(text):
     run = peers.run(text, START.values, times=np.array([20 * DT]), dt=DT)
     truth = peers.run("ias15", START.values, times=np.array([20 * DT]), dt=DT)
@@ -108,7 +109,7 @@ def test_an_unknown_name_is_answered_with_those_that_there_are(text, answer):
         listed(text)
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "answer"),
     [
         ("whfast:kernel=slow", r"kernel is 'slow'; expected default, modifiedkick, composition, lazy"),

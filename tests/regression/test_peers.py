@@ -20,6 +20,7 @@ from orbits.point_masses import PointMasses
 from orbits.regression import peers, reference
 from orbits.regression.peer_choice import PEERS, lookup
 
+from ..coverings import each
 from ..mixed_bodies import DT, GM, Q, V
 
 DAYS = 128 * DT
@@ -45,7 +46,7 @@ def test_the_simulation_holds_the_same_bits_massive_bodies_first_and_central_bod
     assert [p.name for p in sim.particles] == ["Sun", "Jupiter", "Saturn", "a", "b"]
 
 
-@pytest.mark.parametrize("name", ALL)
+@each("name", ALL)
 def test_samples_come_back_in_the_order_of_the_caller(name):
     run = peers.run(name, PointMasses(GM, Q, V), times=np.array([0.0, DAYS]), dt=DT)
     np.testing.assert_array_equal(run.q[0], Q)
@@ -56,7 +57,7 @@ def test_samples_come_back_in_the_order_of_the_caller(name):
     np.testing.assert_array_equal(again.q, run.q[:, shuffled])
 
 
-@pytest.mark.parametrize("name", FIXED)
+@each("name", FIXED)
 def test_sampling_does_not_disturb_a_fixed_step_run(name):
     alone = peers.run(name, PointMasses(GM, Q, V), times=np.array([DAYS]), dt=DT)
     on_grid = peers.run(name, PointMasses(GM, Q, V), times=np.arange(0, DAYS + DT, 2 * DT), dt=DT)
@@ -67,7 +68,7 @@ def test_sampling_does_not_disturb_a_fixed_step_run(name):
     np.testing.assert_array_equal(off_grid.v[-1], alone.v[-1])
 
 
-@pytest.mark.parametrize("name", FIXED)
+@each("name", FIXED)
 def test_samples_between_grid_points_are_as_good_as_those_on_it(name):
     """A partial step that begins or ends unsynchronized, or of the wrong length, would be off by 0.01 au and more."""
     errors = []
@@ -88,7 +89,7 @@ def test_the_corrector_and_the_coordinates_that_a_name_promises_are_in_force():
     assert error["whfast-heliocentric"][massive].max() > 1.1 * error["whfast"][massive].max()
 
 
-@pytest.mark.parametrize("name", FIXED)
+@each("name", FIXED)
 def test_fixed_step_peers_run_backwards_to_where_they_came_from(name):
     there = peers.run(name, PointMasses(GM, Q, V), times=np.array([DAYS]), dt=DT)
     back = peers.run(name, PointMasses(GM, there.q[-1], there.v[-1]), times=np.array([-DAYS]), dt=DT)

@@ -11,6 +11,8 @@ from orbits.errors import InputError, UnknownNameError
 from orbits.regression.tolerances import Bounds, parse
 from orbits.units import DIMENSIONLESS, SOLAR
 
+from ..coverings import each
+
 KM = 149597870.7
 METHODS = [("gauss", "Gauss(stages=8)"), ("stormer-verlet", "StormerVerlet()")]
 
@@ -67,7 +69,7 @@ def test_a_reference_solution_worse_than_the_bound_cannot_vouch_for_it():
     assert "reference solution's own error" in failure
 
 
-@pytest.mark.parametrize(
+@each(
     ("tolerances", "units", "error", "message"),
     [
         ({"enrgy": 1e-12}, SOLAR, UnknownNameError, "Did you mean 'energy'"),

@@ -29,6 +29,8 @@ from orbits.scenario.certificates import certify_scenario, to_record
 from orbits.scenario.options import read_options
 from orbits.scenarios import Check, Option, Scenario
 
+from ..coverings import each
+
 PLANETS = Option("planets", "giants", choices=("giants", "all"), help="which planets are there")
 COUNT = Option("count", 100, least=1, help="number of particles")
 SHARE = Option("share", 0.5, least=0, most=1, help="a part of them")
@@ -61,7 +63,7 @@ def pair(**changes: Any) -> Scenario:
     return Scenario(**{**settings, **changes})
 
 
-@pytest.mark.parametrize(
+@each(
     ("option", "text", "value"),
     [
         (PLANETS, "all", "all"),
@@ -84,7 +86,7 @@ def test_a_value_is_read_as_people_type_it_and_has_the_type_of_the_default(optio
     assert type(found) is type(option.default)
 
 
-@pytest.mark.parametrize(
+@each(
     ("option", "text", "message"),
     [
         (PLANETS, "al", "option 'planets' of 'belt' is 'al'; expected giants or all. Did you mean 'all'?"),
@@ -113,7 +115,7 @@ def test_a_value_that_cannot_be_says_what_is_expected_and_what_is_near(option, t
     assert message in str(error.value)
 
 
-@pytest.mark.parametrize(
+@each(
     ("given", "message"),
     [
         ({"name": "Count"}, "the name of an option is 'Count'; expected lower-case letters"),

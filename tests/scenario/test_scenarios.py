@@ -32,6 +32,8 @@ from orbits.scenario.typed import quantity, step_or_clock
 from orbits.scenario.unfinished import alone_in
 from orbits.scenarios import Check, Scenario
 
+from ..coverings import each, every, first
+
 STUDIES = [
     *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight"),
     *("hyperion", "liouville", "mercury", "mercury_spin", "outer_solar_system", "pendulum", "planetesimals"),
@@ -77,7 +79,7 @@ def test_the_bundled_scenarios_are_those_of_the_docs():
     assert all(each.summary for each in bundled())
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", every(3, NAMES))
 def test_each_bundled_scenario_shortened_gives_all_that_it_demands(name, tmp_path):
     """Variational methods keep angular momentum, controls lose it, tolerances hold, pictures and JSON are written."""
     scenario = load(name).with_changes(**SHORT[name])
@@ -105,7 +107,7 @@ def without_dt(name, monkeypatch, **changes):
     return scenario
 
 
-@pytest.mark.parametrize(("name", "claims"), [("pythagorean", 4), ("close_encounter", 6)])
+@pytest.mark.parametrize(("name", "claims"), first(1, [("pythagorean", 4), ("close_encounter", 6)]))
 def test_each_bundled_scenario_without_dt_shortened_gives_all_that_it_demands(name, claims, tmp_path, monkeypatch):
     scenario = without_dt(name, monkeypatch)
     outcome = perform(scenario, out=tmp_path)
@@ -130,7 +132,7 @@ def test_each_bundled_scenario_without_dt_gives_all_that_it_demands_in_full(name
     assert outcome.ok, outcome.failures
 
 
-@pytest.mark.parametrize("name", WITHOUT_DT)
+@pytest.mark.parametrize("name", first(1, WITHOUT_DT))
 def test_steps_that_resolve_too_little_fail_the_scenarios_without_dt(name, tmp_path, monkeypatch):
     outcome = perform(without_dt(name, monkeypatch, dt=orbits.Adaptive(1e-3)), out=tmp_path, plot=False)
     assert any("exceeds" in failure for failure in outcome.failures)
@@ -158,8 +160,8 @@ def test_the_plane_of_an_encounter_is_met_where_the_straight_line_would_have_met
     assert names["grazing"](1.0, gm, 4.0) == pytest.approx(np.sqrt(2.0))
 
 
-@pytest.mark.parametrize("share", [0.01, -0.5, 1.0, 10.0])
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("share", first(2, [0.01, -0.5, 1.0, 10.0]))
+@pytest.mark.parametrize("name", first(1, NAMES))
 def test_a_run_of_a_few_steps_or_less_than_one_is_no_failure(name, share, tmp_path):
     """Controls are judged from one step on: in a part of a step they lose less, which need not show."""
     scenario = load(name)
@@ -382,7 +384,7 @@ STAGES = {
 """Where Ctrl-C comes, what is there then by the message, and how many parts of the comparison."""
 
 
-@pytest.mark.parametrize("stage", STAGES)
+@pytest.mark.parametrize("stage", every(2, STAGES))
 def test_ctrl_c_anywhere_says_what_is_there_and_the_same_run_goes_on_to_the_same_bits(tmp_path, stage, monkeypatch):
     told, parts = STAGES[stage]
     add, now = sample_store.SampleStore.add, []
@@ -530,7 +532,7 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("wrong", "message"), WRONG, ids=[str(w) for w, _ in WRONG])
+@each(("wrong", "message"), WRONG)
 def test_a_scenario_that_cannot_be_is_refused_where_it_is_made(wrong, message):
     with pytest.raises(InputError, match=message):
         pair(**wrong)
@@ -622,7 +624,7 @@ def test_steps_of_transformed_time_are_typed_as_a_word(text):
     assert step_or_clock("transformed", "--dt") == orbits.TimeTransformed()
 
 
-@pytest.mark.parametrize(
+@each(
     ("text", "message"),
     [
         ("adaptive(", "write adaptive, adaptive:1e-8 or"),

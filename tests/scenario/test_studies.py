@@ -22,6 +22,8 @@ from orbits.scenario import Parts, Study, StudyResult, Table, bundled, load, per
 from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.command import changed
 
+from ..coverings import each, every
+
 STUDIES = [
     *("arenstorf", "didymos", "discrete_kepler", "figure_eight", "hyperion", "liouville", "mercury_spin"),
     *("outer_solar_system", "pendulum", "planetesimals", "pleiades"),
@@ -41,7 +43,7 @@ def of(**result):
     return study(experiment=lambda say: StudyResult(**result))
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", every(4, STUDIES))
 def test_each_bundled_study_gives_all_that_it_demands(name, tmp_path):
     scenario = load(name)
     outcome = perform(scenario, out=tmp_path)
@@ -263,7 +265,7 @@ UNFIT = [
 ]
 
 
-@pytest.mark.parametrize(("value", "message"), UNFIT, ids=[str(value) for value, _ in UNFIT])
+@each(("value", "message"), UNFIT)
 def test_values_that_a_part_cannot_keep_are_refused_by_name(tmp_path, value, message):
     with pytest.raises(InputError, match=message):
         of_parts(tmp_path).get("a", lambda: value)
@@ -309,6 +311,7 @@ def test_the_step_of_a_study_that_has_one_is_replaced():
         changed(study(), "6", None, None, None)
 
 
+@pytest.mark.nightly
 def test_the_zoo_and_eccentric_orbits_are_run_in_transformed_time(monkeypatch, tmp_path):
     """Symplectic steps pass the studies made for adaptive ones: all that is judged of three orbits, and of e = 0.9."""
     zoo, eccentric = load("three_body_zoo"), load("eccentric")
@@ -344,6 +347,7 @@ def test_each_bundled_study_that_takes_long_gives_all_that_it_demands(name, pict
     assert {path.name for path in outcome.files} == {*pictures, "report.json"}
 
 
+@pytest.mark.nightly
 def test_the_flips_of_a_free_top_come_when_elliptic_functions_say(tmp_path, monkeypatch):
     scenario = load("euler_top")
     names = scenario.experiment.__globals__
@@ -357,6 +361,7 @@ def test_the_flips_of_a_free_top_come_when_elliptic_functions_say(tmp_path, monk
     assert outcome.result.tables[1].rows[0][-1] < 3e-12
 
 
+@pytest.mark.nightly
 def test_the_gaps_of_the_belt_begin_to_open_in_twenty_thousand_years(tmp_path, monkeypatch):
     """Eccentricities grow by 0.26 at 3:1, and by 0.09 at most between the resonances."""
     scenario = load("kirkwood_gaps").with_options(count=128)
@@ -428,6 +433,7 @@ def test_eccentric_orbits_are_judged_from_either_end(monkeypatch):
     assert [check.ok for check in few_stages if "fewer steps" in check.claim] == [False, False]
 
 
+@pytest.mark.nightly
 def test_the_map_of_a_resonance_has_chaos_and_libration_at_it_and_neither_far_from_it(tmp_path, monkeypatch):
     names = load("resonance_map").experiment.__globals__
     monkeypatch.setitem(names, "AXES", np.array([2.43, 2.48, 2.485, 2.49, 2.495, 2.5, 2.57]))
@@ -438,6 +444,7 @@ def test_the_map_of_a_resonance_has_chaos_and_libration_at_it_and_neither_far_fr
     result.figures["resonance_map"]()
 
 
+@pytest.mark.nightly
 def test_brouwers_law_over_a_short_time_tells_rounded_coefficients_from_exact_ones(tmp_path, monkeypatch):
     scenario = load("brouwer")
     names = scenario.experiment.__globals__
@@ -454,6 +461,7 @@ def test_brouwers_law_over_a_short_time_tells_rounded_coefficients_from_exact_on
     assert powers[names["EXACT"], "phase"] < powers[names["ROUNDED"], "phase"] - 0.2
 
 
+@pytest.mark.nightly
 def test_work_and_precision_are_swept_down_to_round_off_and_show_the_order(monkeypatch):
     names = load("work_precision").experiment.__globals__
     monkeypatch.setitem(names, "SECONDS", 0.05)
@@ -491,6 +499,7 @@ def test_the_pendulums_picture_leaves_no_island_empty(h):
     assert largest(names["march_all"](verlet, h, names["starts"](h, "standard"))) > 2 * names["EMPTY"]
 
 
+@pytest.mark.nightly
 def test_arenstorfs_orbits_close_with_8000_steps_of_gauss(tmp_path):
     outcome = perform(load("arenstorf"), out=tmp_path, plot=False)
     rows = [row for row in outcome.result.tables[0].rows if row[1:3] == ["Gauss(stages=8)", 8000]]

@@ -14,6 +14,8 @@ from orbits.kernels.rotation.planar_spins import cosine_of_turns, sine_of_turns
 from orbits.methods import Composition
 from orbits.spin_orbit import PlanarSpins, planar
 
+from ..coverings import each
+
 HYPERION = PlanarSpins(eccentricity=0.1, alpha=0.89)
 MERCURY = PlanarSpins(eccentricity=0.20563, asphericity=2.18e-4)
 ARCSEC = np.pi / 180 / 3600
@@ -113,9 +115,9 @@ def test_bits_do_not_depend_on_threads_or_company_or_on_where_a_march_pauses(mon
     alone = HYPERION.section(theta[40], rate[40], 50)
     monkeypatch.setattr(planar, "AT_ONCE", 7)
     paused = HYPERION.section(theta, rate, 50, threads=1)
-    for each in (two, paused):
-        assert np.array_equal(one.theta, each.theta)
-        assert np.array_equal(one.rate, each.rate)
+    for other in (two, paused):
+        assert np.array_equal(one.theta, other.theta)
+        assert np.array_equal(one.rate, other.rate)
     assert np.array_equal(alone.theta[0], one.theta[40])
     thinned = HYPERION.section(theta, rate, 50, every=10)
     assert np.array_equal(thinned.rate, one.rate[:, ::10])
@@ -209,7 +211,7 @@ def test_more_than_one_shape_of_starts_and_units_of_angle():
     assert grid.plot().axes[0].get_title() == "e = 0.1, α = 0.89"
 
 
-@pytest.mark.parametrize(
+@each(
     ("changes", "message"),
     [
         ({"eccentricity": 1.0}, "expected that of an ellipse"),

@@ -12,6 +12,8 @@ from jplephem.spk import SPK
 import orbits
 from orbits.errors import ArchiveError, EpochError, InputError, UnknownNameError
 
+from ..coverings import each
+
 EPOCH = "2022-08-09T03:14:15.926"
 METHOD = orbits.Gauss(stages=8)
 DT, DAYS = 4 * u.day, 1000.0
@@ -155,7 +157,7 @@ def test_numbers_of_bodies_are_naifs_or_ones_own(run, tmp_path):
     assert written.ids == {"Sun": 10, "Mercury": 199, "Jupiter": 5, "Neptune": 8, "Ceres": 2000001, "Zoë": 7}
 
 
-@pytest.mark.parametrize(
+@each(
     ("options", "error", "message"),
     [
         ({}, InputError, r"no NAIF number is known for Zoë; .* ids=\{'Zoë': -1001\}"),

@@ -14,6 +14,8 @@ from orbits import DIMENSIONLESS, SOLAR, System
 from orbits.errors import InputError
 from tests.campaigns import ODDITIES, campaign, junk, works_or_says_why
 
+from ..coverings import each
+
 GOOD = {
     "names": ["Sun", "Earth", "rock"],
     "gm": [1.0, 1e-6, 0.0],
@@ -110,7 +112,7 @@ def test_any_argument_is_taken_or_refused(x: Any) -> None:
         works_or_says_why(lambda use=use: use(x))
 
 
-@pytest.mark.parametrize("use", USES)
+@each("use", USES)
 def test_each_oddity_is_taken_or_refused(use: str) -> None:
     for x in (*ODDITIES, *([x] for x in ODDITIES), ODDITIES):
         works_or_says_why(lambda x=x: USES[use](x))

@@ -15,6 +15,8 @@ import orbits
 from orbits import DIMENSIONLESS, SOLAR, System
 from orbits.errors import EpochError, InputError, OrbitsError, UnknownNameError
 
+from ..coverings import each
+
 GOOD: dict[str, Any] = {
     "names": ["Sun", "Earth", "rock"],
     "gm": [1.0, 1e-6, 0.0],
@@ -71,7 +73,7 @@ STATES: list[tuple[str, dict[str, Any], type[OrbitsError], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("changes", "error", "message"), [case[1:] for case in STATES], ids=[c[0] for c in STATES])
+@each(("changes", "error", "message"), [case[1:] for case in STATES])
 def test_what_is_no_system_is_refused(changes: dict[str, Any], error: type[OrbitsError], message: str) -> None:
     assert len(System(**GOOD)) == 3
     with pytest.raises(error, match=message) as caught:
@@ -180,7 +182,7 @@ MAKERS: list[tuple[str, Callable[[], System], type[OrbitsError], str]] = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("make", "error", "message"), [case[1:] for case in MAKERS], ids=[c[0] for c in MAKERS])
+@each(("make", "error", "message"), [case[1:] for case in MAKERS])
 def test_what_cannot_be_made_is_refused(make: Callable[[], System], error: type[OrbitsError], message: str) -> None:
     with pytest.raises(error, match=message) as caught:
         make()

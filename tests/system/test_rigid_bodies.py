@@ -9,6 +9,8 @@ from astropy import units as u
 import orbits
 from orbits import rotations
 
+from ..coverings import each
+
 SPIN = 1 * u.rad / u.day
 SHAPE = (180, 133, 103) * u.km
 
@@ -94,7 +96,7 @@ NO_ROTATION = np.eye(3) * 1.01
 AXES = {"A": 1, "B": 1, "C": 1}
 
 
-@pytest.mark.parametrize(
+@each(
     ("given", "words"),
     [
         ({}, "neither A, B, C nor shape"),

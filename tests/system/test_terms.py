@@ -11,6 +11,8 @@ import orbits
 from orbits.errors import InputError, UnknownNameError
 from orbits.terms import DegreeTwo, Drag, FrameDragging, PostNewtonian, ZonalHarmonics
 
+from ..coverings import each
+
 POLE = (286.13 * u.deg, 63.87 * u.deg)
 
 
@@ -199,7 +201,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("make", "message"), BAD.values(), ids=BAD)
+@each(("make", "message"), BAD.values())
 def test_what_cannot_act_is_refused_in_words(system, make, message):
     with pytest.raises(InputError, match=message):
         make(system)

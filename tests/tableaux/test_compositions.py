@@ -12,6 +12,8 @@ from orbits.tableaux.compositions import ANY_BASE, scheme, scheme_names
 from orbits.tableaux.conditions import composition_defects, nystrom_defects, words
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
 
+from ..coverings import each
+
 PUBLISHED = sorted(COMPOSITIONS)
 RECURSIVE = [(2, 4, "triple-jump"), (2, 4, "suzuki"), (2, 8, "triple-jump"), (4, 6, "suzuki"), (6, 10, "triple-jump")]
 COMPOSED = [*((2, order, name) for order, name in PUBLISHED), *RECURSIVE]
@@ -52,8 +54,8 @@ def test_the_number_of_conditions_is_the_one_known():
     assert [len(words(2, order)) for order in (2, 4, 6, 8, 10)] == [1, 2, 4, 8, 16]
 
 
-@pytest.mark.parametrize("h", [1.0, 0.0123 - 2.0**-40, -6.25, 365.25])
-@pytest.mark.parametrize(("base_order", "order", "name"), ALL)
+@each("h", [1.0, 0.0123 - 2.0**-40, -6.25, 365.25])
+@each(("base_order", "order", "name"), ALL)
 def test_in_binary_the_lengths_are_mirrored_and_their_sum_is_the_step_exactly(base_order, order, name, h):
     h = float(Fraction(round(h * 2**30), 2**30))  # of few bits, as `propagate` makes it
     s = scheme(base_order, order, name, splittings=base_order == 2)
@@ -67,7 +69,7 @@ def test_in_binary_the_lengths_are_mirrored_and_their_sum_is_the_step_exactly(ba
         assert max(errors) < len(lengths) * 2.0**-52 * size
 
 
-@pytest.mark.parametrize(("base_order", "order", "name"), [a for a in ALL if a[1] <= 6])
+@each(("base_order", "order", "name"), [a for a in ALL if a[1] <= 6])
 def test_the_tableau_is_symplectic_and_symmetric_and_has_the_order(base_order, order, name):
     s = scheme(base_order, order, name, splittings=base_order == 2)
     tableau = s.composed(gauss(base_order // 2)) if s.steps else s.split()

@@ -10,10 +10,12 @@ import pytest
 from orbits.errors import InputError
 from orbits.tableaux import gauss
 
+from ..coverings import each
+
 STAGES = [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 16]
 
 
-@pytest.mark.parametrize("stages", STAGES)
+@each("stages", STAGES)
 def test_order_conditions_hold_to_fifty_digits(stages):
     """B(2s) and C(s): sum b c^(k-1) = 1/k, sum_j a_ij c_j^(k-1) = c_i^k / k. They make the order 2s."""
     t = gauss(stages)
@@ -28,7 +30,7 @@ def test_order_conditions_hold_to_fifty_digits(stages):
                 assert abs(left - c[i] ** k / k) < mpmath.mpf(10) ** -50
 
 
-@pytest.mark.parametrize("stages", STAGES)
+@each("stages", STAGES)
 def test_rounded_coefficients_are_symplectic_and_symmetric_without_any_error(stages):
     t = gauss(stages)
     assert t.symmetric
@@ -36,14 +38,14 @@ def test_rounded_coefficients_are_symplectic_and_symmetric_without_any_error(sta
     assert t.binary_asymmetry() == 0
 
 
-@pytest.mark.parametrize("stages", STAGES)
+@each("stages", STAGES)
 def test_a_gauss_method_is_its_own_symplectic_partner_in_binary_too(stages):
     t = gauss(stages)
     assert np.array_equal(t.mu, t.mu_bar)
     assert np.array_equal(t.nodes + t.one_minus_nodes, np.ones(stages))
 
 
-@pytest.mark.parametrize("stages", STAGES)
+@each("stages", STAGES)
 def test_rounding_moves_no_coefficient_by_more_than_two_units(stages):
     # c and the lower triangle of eta: 0.5 unit of 2^-53 each; the upper triangle inherits three of these. mu is as
     # large as 2, where a grid is coarser: 1.1 was reached.

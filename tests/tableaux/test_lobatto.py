@@ -9,6 +9,8 @@ import pytest
 from orbits.errors import InputError
 from orbits.tableaux import lobatto_iiia_iiib, lobatto_iiib_iiia
 
+from ..coverings import each
+
 STAGES = [2, 3, 4, 5, 6, 8, 12]
 PAIRS = [lobatto_iiia_iiib, lobatto_iiib_iiia]
 
@@ -37,8 +39,8 @@ def test_two_and_three_stages_are_those_of_the_books(stages):
                 assert np.abs(np.array(mine, dtype=object) - book).max() < mpmath.mpf(10) ** -50
 
 
-@pytest.mark.parametrize("stages", STAGES)
-@pytest.mark.parametrize("pair", PAIRS)
+@each("stages", STAGES)
+@each("pair", PAIRS)
 def test_a_pair_is_symplectic_and_symmetric_exactly_and_in_binary(pair, stages):
     t = pair(stages)
     assert t.symmetric
@@ -48,8 +50,8 @@ def test_a_pair_is_symplectic_and_symmetric_exactly_and_in_binary(pair, stages):
     assert t.binary_asymmetry() == 0
 
 
-@pytest.mark.parametrize("stages", STAGES)
-@pytest.mark.parametrize("pair", PAIRS)
+@each("stages", STAGES)
+@each("pair", PAIRS)
 def test_rounding_moves_no_coefficient_by_more_than_a_few_units(pair, stages):
     # mu = a / b is large where a weight is small, 1 / (s (s - 1)) at the ends; its grid is as coarse as its largest
     # entry asks for. 6.6 was reached with 12 stages, 3.3 with 8.
@@ -70,8 +72,8 @@ def test_the_nodes_are_both_ends_and_quadrature_has_degree_2s_minus_3(stages):
         assert abs(moment - mpmath.mpf(1) / last) > mpmath.mpf(10) ** -30  # no more than that
 
 
-@pytest.mark.parametrize("pair", PAIRS)
-@pytest.mark.parametrize("stages", [1, 0, -2, 3.0, True, "3", None])
+@each("pair", PAIRS)
+@each("stages", [1, 0, -2, 3.0, True, "3", None])
 def test_a_wrong_number_of_stages_is_refused(pair, stages):
     with pytest.raises(InputError, match=r"stages of a Lobatto method must be a whole number >= 2, got"):
         pair(stages)

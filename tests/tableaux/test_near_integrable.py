@@ -13,6 +13,8 @@ from orbits.tableaux.correctors import corrector, corrector_lengths, second_corr
 from orbits.tableaux.near_integrable import KNOWN, binary_splitting, missed, splitting
 from orbits.tableaux.partitioned import DIGITS
 
+from ..coverings import each
+
 
 class Series:
     """A series in A and B that do not commute, with at most so many A and B in a word: {word: coefficient}."""
@@ -83,7 +85,7 @@ def test_a_splitting_has_its_generalized_order_and_no_higher_one(orders):
         assert len(off) > 2 * orders[0]
 
 
-@pytest.mark.parametrize("orders", KNOWN, ids=str)
+@each("orders", KNOWN)
 def test_coefficients_are_mirrored_to_the_last_bit_with_sums_that_are_the_step(orders):
     drifts, kicks = splitting(orders)
     with mpmath.workdps(DIGITS):
@@ -157,5 +159,5 @@ def test_orders_may_be_typed_as_in_the_literature():
     ):
         with pytest.raises(InputError, match=text):
             SABA(*orders)
-    with pytest.raises(InputError, match="'warn' or 'retire'"):
+    with pytest.raises(InputError, match="expected 'warn', 'retire particles'"):
         SABA(encounters="ignore")

@@ -19,6 +19,8 @@ from orbits.tableaux import (
 from orbits.tableaux.order import HIGHEST
 from orbits.tableaux.partitioned import exact
 
+from ..coverings import each
+
 KNOWN = {
     "explicit Euler": (explicit_euler, 1),
     "kick-drift": (kick_drift, 1),
@@ -34,7 +36,7 @@ KNOWN = {
 }
 
 
-@pytest.mark.parametrize("name", KNOWN)
+@each("name", KNOWN)
 def test_the_order_found_is_the_order_known(name):
     make, order = KNOWN[name]
     assert convergence_order(make()) == order == make().order

@@ -10,6 +10,8 @@ from orbits.integrators.vprk import VPRK
 from orbits.tableaux import drift_kick, explicit_euler, kick_drift, lobatto_iiia_iiib, runge_kutta_4, symplectic
 from orbits.tableaux.symplectic import FLOAT_TOLERANCE
 
+from ..coverings import each
+
 
 def floats(values):
     return tuple(tuple(float(x) for x in row) for row in values)
@@ -103,7 +105,7 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize("case", BAD)
+@each("case", BAD)
 def test_a_pair_that_cannot_be_used_is_refused_with_the_reason(case):
     given, message = BAD[case]
     with pytest.raises(InputError, match=message):

@@ -18,6 +18,8 @@ from orbits.viewing.server import ViewServer
 from tests.view import runs
 from tests.view.browser import browser, complaints, opened, settled
 
+from ..coverings import first
+
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
@@ -81,7 +83,7 @@ def drag_the_slider(driver: Any, time: float) -> None:
     settled(driver)
 
 
-@pytest.mark.parametrize("way", ["disk", "server"])
+@pytest.mark.parametrize("way", first(1, ["disk", "server"]))
 def test_the_page_loads_without_complaints_and_its_canvas_is_not_blank(
     chromium: Any, archive: Path, from_disk: str, way: str
 ) -> None:
@@ -99,6 +101,7 @@ def test_the_page_loads_without_complaints_and_its_canvas_is_not_blank(
     assert (seen.max(axis=2) > 60).sum() > 400
 
 
+@pytest.mark.nightly
 def test_texts_of_a_run_are_texts_not_markup(chromium: Any, from_disk: str) -> None:
     opened(chromium, from_disk)
     assert chromium.execute_script("return document.querySelector('h1').textContent") == "a <b>belt</b>"
@@ -139,6 +142,7 @@ def test_between_samples_bodies_are_where_the_run_is(chromium: Any, archive: Pat
     run.close()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("later", [0.0, 41.0])
 def test_the_graphics_processor_draws_each_point_where_it_is(
     chromium: Any, archive: Path, from_disk: str, later: float
@@ -198,6 +202,7 @@ def test_a_body_that_is_clicked_shows_its_elements_and_closest_approaches(
     run.close()
 
 
+@pytest.mark.nightly
 def test_points_are_found_by_name_and_by_a_click(chromium: Any, from_disk: str) -> None:
     opened(chromium, from_disk)
     name = chromium.execute_script("return orbitsView.run.names[20]")
@@ -212,6 +217,7 @@ def test_points_are_found_by_name_and_by_a_click(chromium: Any, from_disk: str) 
     assert nearest == 20
 
 
+@pytest.mark.nightly
 def test_keys_play_step_colour_and_show_their_list(chromium: Any, from_disk: str) -> None:
     from selenium.webdriver.common.keys import Keys
 
@@ -235,6 +241,7 @@ def test_keys_play_step_colour_and_show_their_list(chromium: Any, from_disk: str
     assert not chromium.find_element("css selector", ".keys").is_displayed()
 
 
+@pytest.mark.nightly
 def test_every_control_can_be_reached_by_tab(chromium: Any, from_disk: str) -> None:
     from selenium.webdriver.common.keys import Keys
 
@@ -247,6 +254,7 @@ def test_every_control_can_be_reached_by_tab(chromium: Any, from_disk: str) -> N
     assert {"time", "colour", "paths", "centre", "find a body", "Play (space)", "keys (?)"} <= seen
 
 
+@pytest.mark.nightly
 def test_playing_moves_time_and_stops_at_the_end(chromium: Any, from_disk: str) -> None:
     from selenium.webdriver.support.ui import WebDriverWait
 
@@ -256,6 +264,7 @@ def test_playing_moves_time_and_stops_at_the_end(chromium: Any, from_disk: str) 
     assert chromium.execute_script("return orbitsView.time === orbitsView.run.end")
 
 
+@pytest.mark.nightly
 def test_a_run_that_grows_is_followed(chromium: Any, tmp_path: Path) -> None:
     from selenium.webdriver.support.ui import WebDriverWait
 
@@ -283,6 +292,7 @@ def test_a_run_that_grows_is_followed(chromium: Any, tmp_path: Path) -> None:
     run.close()
 
 
+@pytest.mark.nightly
 def test_events_are_marks_on_the_time_line(chromium: Any, tmp_path: Path) -> None:
     run = runs.planets(events=orbits.events.Apocentre("Jupiter", "Sun"))
     assert len(run.events)
@@ -295,6 +305,7 @@ def test_events_are_marks_on_the_time_line(chromium: Any, tmp_path: Path) -> Non
     assert "apocentre of Jupiter" in chromium.find_element("css selector", ".tip").text
 
 
+@pytest.mark.nightly
 def test_the_time_line_says_how_many_events_are_not_marked(
     chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -306,6 +317,7 @@ def test_the_time_line_says_how_many_events_are_not_marked(
         assert chromium.find_element("css selector", ".timeline .some").text == said
 
 
+@pytest.mark.nightly
 def test_without_webgl_there_is_a_picture_and_a_sentence_and_the_slider_moves_it(from_disk: str) -> None:
     with browser(webgl=False) as driver:
         opened(driver, from_disk)
@@ -318,6 +330,7 @@ def test_without_webgl_there_is_a_picture_and_a_sentence_and_the_slider_moves_it
         assert (picture(driver) != before).any()
 
 
+@pytest.mark.nightly
 def test_light_and_dark_follow_the_system_and_the_switch(chromium: Any, from_disk: str) -> None:
     def theme() -> str:
         return str(chromium.execute_script("return document.querySelector('.orbits-view').dataset.theme"))
@@ -331,6 +344,7 @@ def test_light_and_dark_follow_the_system_and_the_switch(chromium: Any, from_dis
     assert theme() == "light"
 
 
+@pytest.mark.nightly
 def test_reduced_motion_stops_the_view_from_gliding(chromium: Any, from_disk: str) -> None:
     features = [{"name": "prefers-reduced-motion", "value": "reduce"}]
     chromium.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
@@ -340,6 +354,7 @@ def test_reduced_motion_stops_the_view_from_gliding(chromium: Any, from_disk: st
     assert gliding is False
 
 
+@pytest.mark.nightly
 def test_the_module_of_the_widget_draws_the_view_into_an_element(chromium: Any, tmp_path: Path) -> None:
     import json
 
@@ -367,6 +382,7 @@ def test_the_module_of_the_widget_draws_the_view_into_an_element(chromium: Any, 
     assert chromium.execute_script("return document.querySelector('#cell canvas')") is None
 
 
+@pytest.mark.nightly
 def test_a_run_backwards_in_time_plays_backwards_and_trails_follow(chromium: Any, tmp_path: Path) -> None:
     run = runs.planets(duration=-5000)
     opened(chromium, orbits.view(run, tmp_path / "back.html").path.as_uri())
@@ -384,6 +400,7 @@ def test_a_run_backwards_in_time_plays_backwards_and_trails_follow(chromium: Any
     assert ((radius > 4.9) & (radius < 5.5)).all()
 
 
+@pytest.mark.nightly
 def test_a_title_and_a_time_line_are_readable_on_a_phone(from_disk: str) -> None:
     with browser(size=(390, 844)) as driver:
         metrics = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
@@ -412,6 +429,7 @@ def test_a_title_and_a_time_line_are_readable_on_a_phone(from_disk: str) -> None
         assert driver.find_element("css selector", ".panel").is_displayed()
 
 
+@pytest.mark.nightly
 def test_on_a_phone_on_its_side_the_elements_of_a_body_can_be_read(chromium: Any, from_disk: str) -> None:
     size = {"width": 844, "height": 390, "deviceScaleFactor": 1, "mobile": False}
     chromium.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)

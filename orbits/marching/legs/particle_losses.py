@@ -54,7 +54,8 @@ class ParticleLosses(LegWatcher):
         self._encountered: Lost | None = None
         self._found: _Found | None = None
         self._deep = np.zeros((0, COLUMNS))
-        self._judges = problem.retire and integrator.retires_in_encounters and not (problem.underway or problem.exact)
+        judges = problem.retire and not (problem.underway or problem.exact)
+        self._judges = judges and integrator.in_encounters.retire_particles
         self._departs = integrator.departures != (None, None)
         self._starts_close = self._close(leg, q) if self._judges else np.zeros(0, dtype=np.intp)
 

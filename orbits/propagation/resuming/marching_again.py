@@ -123,10 +123,10 @@ class Replay:
 
         particles = np.flatnonzero(~run.system.massive)
         q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
-        parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.follows_encounters else None
+        parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.in_encounters.follow_particles else None
         names = [run.names[k] for k in np.flatnonzero(run.system.massive)]
         rows = retirements(listed, q, v, particles, clocks, parts, names)
-        if run.integrator.follows_meetings or (run.changes is None and missing(run, rows)):
+        if run.integrator.in_encounters.follow_planets or (run.changes is None and missing(run, rows)):
             from orbits.propagation.marchers import bound, restore
 
             marcher = bound(run.system, run.integrator, run.clock)
