@@ -69,6 +69,7 @@ def test_particles_feel_the_terms_of_a_star_alone():
     assert one.max(axis=1) / other.max(axis=1) == pytest.approx(4.0, rel=0.01)
 
 
+@pytest.mark.nightly
 @pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 def test_a_pericentre_that_the_step_does_not_resolve_is_said_with_terms():
     start = system().with_terms(

@@ -154,6 +154,7 @@ def test_planets_move_alike_in_one_register_and_in_two():
         assert np.max(np.abs(a - b[others])) < 1e-13
 
 
+@pytest.mark.nightly
 def test_jacobi_coordinates_are_the_better_base():
     """A thousand years of the planets in steps of 3 d: in democratic heliocentric coordinates, Mercury is 7.8e5 km off
     its place, mostly along its orbit; 1.8e3 km in Jacobi's.

@@ -53,6 +53,7 @@ def test_followed_particles_converge_to_the_motion_by_gauss_with_the_same_terms(
     assert np.median(ratio) == pytest.approx(3.9, abs=0.15)
 
 
+@pytest.mark.nightly
 def test_bits_depend_neither_on_neighbours_nor_threads_nor_the_order_of_the_bodies():
     x, w = ends(FOLLOW, 0.04)
     order = np.append([1, 2, 0], 3 + np.random.default_rng(2).permutation(25))
@@ -63,6 +64,7 @@ def test_bits_depend_neither_on_neighbours_nor_threads_nor_the_order_of_the_bodi
         assert np.array_equal(ends(FOLLOW, 0.04, np.array([0, 1, 2, k]))[0][-1], x[k])
 
 
+@pytest.mark.nightly
 def test_a_run_with_terms_is_resumed_to_the_same_bits_while_particles_are_away(tmp_path):
     names = ["star", "inner", "outer", *(f"p{k}" for k in range(25))]
     system = orbits.System(names, *crossers(), units=orbits.DIMENSIONLESS).with_terms(

@@ -20,6 +20,7 @@ from orbits.marching.legs.problem import Problem
 from orbits.methods import SABA
 from orbits.terms import PostNewtonian, ZonalHarmonics
 
+from ..coverings import first
 from ..maps import newtonian_energy, solar_system
 
 SUN, YEAR = 0.00029591220828, 365.25
@@ -326,7 +327,7 @@ def test_relativity_by_the_star_acts_in_encounters_too():
 
 @pytest.mark.filterwarnings("ignore::orbits.errors.RetiredWarning", "ignore::orbits.errors.StepWarning")
 @pytest.mark.parametrize(
-    ("mass", "sizes", "radius", "count"), [(1e-3, (5.2, 6.3, 7.9), 0.3, 13), (1e-4, (5.2, 7.3, 9.9), 0.1, 4)]
+    ("mass", "sizes", "radius", "count"), first(1, [(1e-3, (5.2, 6.3, 7.9), 0.3, 13), (1e-4, (5.2, 7.3, 9.9), 0.1, 4)])
 )
 def test_impacts_are_at_the_surface_whatever_the_samples(mass, sizes, radius, count):
     """By steps of their own among those of the map, and on excursions: blocks end between contact and pericentre."""

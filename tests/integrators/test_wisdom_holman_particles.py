@@ -158,6 +158,7 @@ def test_encounters_of_particles_with_planets_are_named_with_time_and_place():
         orbits.propagate(giants.remove("p0"), DEFAULT, dt="60 d", **options)
 
 
+@pytest.mark.nightly
 def test_it_is_certified_with_particles():
     start = system({(2.5, 0.1): 0, (1.3, 0.1): 0})
     for method in (DEFAULT, PLAIN):

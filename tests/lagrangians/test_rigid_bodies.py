@@ -83,6 +83,7 @@ def test_two_bodies_keep_their_whole_angular_momentum_while_it_flows_from_orbit_
     assert np.linalg.norm(np.ptp(orbit, axis=0)) > 1e-3 * size
 
 
+@pytest.mark.nightly
 def test_a_figure_of_degree_two_turns_a_near_orbit_as_first_order_theory_says():
     """A flattened second body: its partner's node and pericentre move by J2; here the frequency of a circular orbit."""
     C, A, M, m = 2e-3, 1.9e-3, 1e-6, 1.0

@@ -1,6 +1,7 @@
 """Marches that are made from a march: of the same bodies, with all that acts on them."""
 
 import numpy as np
+import pytest
 
 import orbits
 from orbits.marching.clocks.step_times import Place
@@ -13,6 +14,7 @@ START = orbits.System(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLE
 BRAKED = START.with_forces(orbits.terms.Drag(rate=0.01))
 
 
+@pytest.mark.nightly
 def test_a_march_that_ends_at_a_time_has_the_forces_of_the_march():
     """Up to the last step before the time 1 and from there to it, against a march of constant steps."""
     marcher = bound(BRAKED, "gauss", orbits.Adaptive())

@@ -23,7 +23,7 @@ from orbits.rebound import to_rebound
 from orbits.terms import Drag, FrameDragging, PostNewtonian, ZonalHarmonics
 from orbits.time_grid import TimeGrid
 
-from ..coverings import STANDARD, first, only
+from ..coverings import STANDARD, at, first, only
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 YEAR = 2 * math.pi
@@ -188,6 +188,7 @@ def test_the_matrix_of_a_map_is_the_derivative_of_the_run_with_a_particle_at_any
     np.testing.assert_allclose(alone["p0"], whole["p0"], rtol=1e-12, atol=1e-12)
 
 
+@pytest.mark.nightly
 def test_the_matrix_of_a_map_holds_for_planets_in_two_registers_and_in_any_order():
     system = orbits.System(["S"], [1.0], np.zeros((1, 3)), np.zeros((1, 3)), units=orbits.DIMENSIONLESS)
     for k in range(11):
@@ -223,7 +224,7 @@ def test_the_matrix_of_a_map_holds_in_what_is_of_the_second_order_in_the_masses(
     assert np.abs(found - by_differences).max() < 2e-11  # seen: 2e-12; 2e-8 if a third derivative is off by 2 %
 
 
-@pytest.mark.parametrize("method", [orbits.WisdomHolman(), HELIOCENTRIC, SABA()], ids=lambda m: m.label[:6])
+@pytest.mark.parametrize("method", first(1, [orbits.WisdomHolman(), HELIOCENTRIC, SABA()]), ids=lambda m: m.label[:6])
 def test_a_map_with_variations_marches_as_the_run_does(method):
     """But for rounding: what is seen goes through the stages of the corrector one by one."""
     system = planets()
@@ -276,14 +277,14 @@ RELATIVITY = PostNewtonian(sources=["A"], c=20.0)
 
 @pytest.mark.parametrize(
     ("terms", "method"),
-    [
+    at((0, 2), [
         ((J2,), VERLET),
         ((J2,), GAUSS),
         ((SPIN,), orbits.Gauss(stages=4)),
         ((J2, SPIN), LobattoIIIAB(stages=3)),
         ((J2,), MAPS[0]),
         ((J2, SPIN, RELATIVITY), orbits.WisdomHolman()),
-    ],
+    ]),
     ids=["J2 explicit", "J2", "spin", "both", "J2 in a lazy map", "all in a map"],
 )
 def test_terms_bring_their_own_variations(terms, method):
@@ -304,6 +305,7 @@ def test_terms_bring_their_own_variations(terms, method):
     assert stm.symplecticity_defect() < (1e-13 if lazy else 1e-15)
 
 
+@pytest.mark.nightly
 def test_steps_of_a_map_with_terms_are_followed_to_the_same_bits_in_blocks_of_any_length(monkeypatch):
     system = planets().with_terms(J2, RELATIVITY)
     options = {"dt": 0.05, "duration": 5.0, "check_step": False}
