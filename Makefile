@@ -26,6 +26,7 @@ WORKERS := --numprocesses auto --maxprocesses 4 --dist worksteal --timeout 1200 
 .PHONY: run test nightly contracts faults bench slow docs clean help
 
 run: $(BASE)  ## set up .venv and run the asteroid belt with its comparison against REBOUND
+	$(BIN)/orbits warm-up asteroid_belt
 	$(BIN)/orbits run asteroid_belt
 
 test: $(DEV)  ## set up .venv and run every check: ruff, mypy, import-linter, pytest

@@ -1,5 +1,5 @@
 """The command line: `orbits run`, `resume`, `compare`, `certify`, `plot`, `info`, `verify`, `ephemeris`, `ensemble`,
-`view`, `list`.
+`view`, `warm-up`, `list`.
 
 Exit codes: 0 if all requirements hold, 1 if a check or a run fails, 2 for wrong use, 75 if the wall time is over, 130
 if stopped by Ctrl-C or SIGTERM.
@@ -505,6 +505,26 @@ def view(
             serve(file, port=port, browser=not no_browser, limit=limit)
         else:
             print(f"wrote {write(file, output, limit=limit)}")
+
+
+@app.command("warm-up")
+def warm_up(
+    scenarios: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[SCENARIO]...", help="Scenarios whose runs to compile for, instead of everyday calls."),
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Compile for all methods, which takes minutes.", metavar="")
+    ] = False,
+) -> None:
+    """Compile what runs need before they need it, on all processors: for everyday calls, or for scenarios.
+
+    Example: orbits warm-up solar_system kirkwood_gaps
+    """
+    with guarded():
+        from orbits.scenario.warm_up import execute
+
+        execute(scenarios or [], everything_else=everything)
 
 
 @app.command("list")

@@ -205,3 +205,17 @@ def test_making_a_system_imports_neither_numba_nor_matplotlib_nor_rebound() -> N
         "print(sorted({'numba', 'matplotlib', 'rebound', 'h5py'} & set(sys.modules)))"
     )
     assert in_a_fresh_process(code) == "[]"
+
+
+def test_a_run_loads_the_method_that_it_needs_and_not_all_and_leaves_the_collector_on() -> None:
+    """Each module with kernels takes about a millisecond."""
+    code = (
+        "import gc, sys, orbits\n"
+        "pair = orbits.System(['a', 'b'], [1, 1e-3], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]],"
+        " units=orbits.DIMENSIONLESS)\n"
+        "orbits.propagate(pair, orbits.Gauss(stages=8), dt=0.1, duration=0.1, samples=2)\n"
+        "kinds = ('integrators.saba', 'integrators.rattle', 'lagrangians.terms.post_newtonian', 'forces.tides')\n"
+        "print(gc.isenabled(), [kind for kind in kinds if f'orbits.{kind}' in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    assert done.stdout.split("\n")[0] == "True []"

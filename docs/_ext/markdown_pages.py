@@ -14,6 +14,7 @@ import inspect
 import re
 import sys
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -148,14 +149,14 @@ def members(entry: Entry) -> Iterable[tuple[str, Any]]:
     if entry.kind == "class":
         for name, value in vars(entry.value).items():
             member = value.__func__ if isinstance(value, classmethod | staticmethod) else value
-            known = inspect.isfunction(member) or isinstance(member, property)
+            known = inspect.isfunction(member) or isinstance(member, property | cached_property)
             if known and not name.startswith("_") and getattr(member, "__doc__", None):
                 yield name, member
 
 
 def signature(name: str, value: Any, entry: Entry | None = None) -> list[str]:
     """Return how a name is called, without types, as code; nothing for properties, exceptions and constants."""
-    if isinstance(value, property) or (entry is not None and entry.kind in {"data", "exception"}):
+    if isinstance(value, property | cached_property) or (entry is not None and entry.kind in {"data", "exception"}):
         return []
     try:
         called = inspect.signature(value)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from orbits.archive.origin import Origin
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
+from orbits.integrators.encounters import as_written_before
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.transformed import TimeTransformed
@@ -182,7 +183,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
         raise error if isinstance(error, ArchiveError) else ArchiveError(str(error)) from error
     return Header(
         system,
-        _from_json(_item(items, "@integrator", str), "@integrator"),
+        _integrator(items),
         grid,
         {name.partition("@")[2]: _item(items, name, str) for name in items if name.startswith("provenance@")},
         _item(items, "@certificate", str) if "@certificate" in items else "",
@@ -191,6 +192,14 @@ def from_items(items: Mapping[str, Any]) -> Header:
         Origin.from_json(_item(items, "@scenario", str)) if "@scenario" in items else None,
         _approaches(items) if "@approaches" in items else True,
     )
+
+
+def _integrator(items: Mapping[str, Any]) -> Any:
+    """Return the method as `orbits.integrators.describe` gives it, of older archives too."""
+    known = _from_json(_item(items, "@integrator", str), "@integrator")
+    if isinstance(known, dict) and isinstance(known.get("parameters"), dict):
+        known["parameters"] = as_written_before(known["parameters"])
+    return known
 
 
 def _approaches(items: Mapping[str, Any]) -> bool:

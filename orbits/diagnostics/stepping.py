@@ -68,7 +68,7 @@ class Bodies:
         if self.terms:
             lagrangian = n_body(self.gm[self.massive], self.softening, self.terms)
             values = lagrangian.parameter_vector
-        integrator.check(lagrangian, registry())
+        integrator.check(lagrangian, registry)
         return Leg.of(lagrangian, integrator, values, self.massive, self.q, self.v, step)
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 from orbits.discrete.base import DiscreteLagrangian
 from orbits.errors import InputError
+from orbits.integrators.encounters import Encounters
 from orbits.integrators.forms import Array, Form
 from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, Lagrangian
 from orbits.tableaux import PartitionedTableau
@@ -93,24 +95,9 @@ class Integrator:
         return None, None
 
     @property
-    def refuses_meetings(self) -> bool:
-        """Whether encounters of massive bodies that the method cannot follow end a run."""
-        return False
-
-    @property
-    def follows_meetings(self) -> bool:
-        """Whether all bodies take steps of another method in encounters of massive ones that this one cannot follow."""
-        return False
-
-    @property
-    def follows_encounters(self) -> bool:
-        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
-        return False
-
-    @property
-    def retires_in_encounters(self) -> bool:
-        """Whether massless particles are retired before encounters that the method cannot follow."""
-        return False
+    def in_encounters(self) -> Encounters:
+        """What is done in encounters that the method cannot follow."""
+        return Encounters()
 
     @property
     def looks_for_approaches(self) -> bool:
@@ -160,7 +147,7 @@ class Integrator:
         values = {f: getattr(self, f.name) for f in dataclasses.fields(self)}
         return {f.name: value for f, value in values.items() if OPTION not in f.metadata or value != f.default}
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The name with parameters, as in code: "Gauss(stages=8)"."""
         values = ", ".join(f"{name}={value!r}" for name, value in self.parameters().items())
@@ -180,8 +167,8 @@ class Integrator:
         """
         return None
 
-    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
-        """Raise InputError if this method cannot march `lagrangian`, naming those of `others` that can."""
+    def check(self, lagrangian: Lagrangian, others: Callable[[], Mapping[str, type[Integrator]]]) -> None:
+        """Raise InputError if this method cannot march `lagrangian`, naming those of `others()` that can."""
         if self.serves(lagrangian):
             return
         if CONSTRAINED in lagrangian.traits:
@@ -191,7 +178,7 @@ class Integrator:
                 "its order with orbits.methods.Composition(orbits.methods.Rattle(), order=4)."
             )
         missing = self.requires - lagrangian.traits
-        able = sorted(c.__name__ for c in others.values() if any(m.serves(lagrangian) for m in c.examples()))
+        able = sorted(c.__name__ for c in others().values() if any(m.serves(lagrangian) for m in c.examples()))
         remedy = f"Use {' or '.join(able)}." if able else "No method of this package can."
         raise InputError(
             f"{self.name} needs a Lagrangian that is {' and '.join(sorted(missing))}; "

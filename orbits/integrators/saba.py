@@ -18,11 +18,13 @@ from __future__ import annotations
 
 import ast
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
-from orbits.checks import is_one_of, is_whole
+from orbits.checks import is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.encounters import FOLLOW, RETIRE, WARN, Encounters, read, without_planets
 from orbits.integrators.maps.stages_form import KeplerStages
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.near_integrable import KNOWN, REFINED
@@ -33,6 +35,7 @@ the giants are then as accurate after a hundred years as in steps of a fifth of 
 km off after a thousand years."""
 
 
+@without_planets
 @dataclass(frozen=True)
 class SABA(Integrator):
     """Several kicks a step between Kepler orbits about a dominant body, of high order in the mass of the planets.
@@ -40,10 +43,9 @@ class SABA(Integrator):
     first, second, third : the generalized order (first, second, third), the powers of the step in the errors of the
         first, second and third order in the planets' masses: (10, 6, 4), (8, 6, 4) or (8, 4); or (2 n, 2), the scheme
         of n kicks that Laskar and Robutel call SABA_n, n = 1 ... 10. Also as one value: SABA("10-6-4"), SABA((8, 2))
-    encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
-        step does not resolve, after the run; or "retire" them before the step of that passage, with time and place
-    planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
-        it; or "follow" these encounters by steps chosen one by one, of all bodies, as with `WisdomHolman`
+    encounters : what is done where bodies come too close for steps of this length, as with `WisdomHolman`: "warn",
+        "retire" massless particles, "follow planets" by steps chosen one by one, of all bodies; or "retire particles,
+        follow planets"
 
     For systems of the kind that `WisdomHolman` is for, under Newton's gravity alone, in the same Jacobi coordinates;
     see there for encounters and for the places of massless particles. It has no corrector, so that the states between
@@ -60,7 +62,6 @@ class SABA(Integrator):
     second: Any = None
     third: Any = None
     encounters: str = option("warn")
-    planets: str = option("warn")
 
     name: ClassVar[str] = "saba"
     summary: ClassVar[str] = "SABA(10,6,4) and others: bodies about a dominant one, several Kepler orbits and kicks"
@@ -73,31 +74,24 @@ class SABA(Integrator):
         orders = _orders(self.first, self.second, self.third)
         for name, value in zip(("first", "second", "third"), (*orders, None), strict=False):
             object.__setattr__(self, name, value)
-        if not is_one_of(self.encounters, ("warn", "retire")):
-            raise InputError(f"encounters is {shown(self.encounters)}; expected 'warn' or 'retire'")
-        if not is_one_of(self.planets, ("warn", "follow")):
-            raise InputError(f"planets is {shown(self.planets)}; expected 'warn' or 'follow'")
+        asked = read(self.encounters, particles=(WARN, RETIRE), planets=(WARN, FOLLOW))
+        object.__setattr__(self, "encounters", str(asked))
 
     @property
     def orders(self) -> tuple[int, ...]:
         """The generalized order."""
         return tuple(order for order in (self.first, self.second, self.third) if order is not None)
 
-    @property
+    @cached_property
     def label(self) -> str:
         """The name with the generalized order: "SABA(10, 6, 4)"."""
-        more = {name: value for name, value in self.parameters().items() if name in ("encounters", "planets")}
-        return f"SABA({', '.join([*map(str, self.orders), *(f'{name}={value!r}' for name, value in more.items())])})"
+        more = [f"encounters={self.encounters!r}"] if "encounters" in self.parameters() else []
+        return f"SABA({', '.join([*map(str, self.orders), *more])})"
 
     @property
-    def follows_meetings(self) -> bool:
-        """Whether all bodies take steps of another method in encounters of planets."""
-        return self.planets == "follow"
-
-    @property
-    def retires_in_encounters(self) -> bool:
-        """Whether massless particles are retired before encounters that the method cannot follow."""
-        return self.encounters == "retire"
+    def in_encounters(self) -> Encounters:
+        """What is done in encounters that the steps cannot follow."""
+        return read(self.encounters)
 
     @property
     def order(self) -> int:

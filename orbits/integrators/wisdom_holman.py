@@ -22,13 +22,14 @@ Source: Wisdom & Holman (1991), AJ 102, 1528; Wisdom, Holman & Touma (1996), Fie
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from orbits.checks import checked_flag, finite_number, has_unit, is_one_of, is_whole
 from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.encounters import Encounters, read, without_planets
 from orbits.integrators.forms import Form
 from orbits.integrators.maps.heliocentric_form import DemocraticHeliocentric
 from orbits.integrators.maps.jacobi_form import KeplerSplitting
@@ -38,10 +39,6 @@ from orbits.tableaux.correctors import PAIRS
 KERNELS = "modified-kick", "lazy", "standard"
 
 COORDINATES = "jacobi", "democratic-heliocentric"
-
-ENCOUNTERS = "warn", "follow", "retire"
-
-PLANETS = "warn", "follow", "refuse"
 
 
 def _one_of(choices: tuple[str, ...]) -> str:
@@ -62,6 +59,7 @@ def _distance(value: Any, name: str) -> float:
     return number
 
 
+@without_planets
 @dataclass(frozen=True)
 class WisdomHolman(Integrator):
     """The method of planetary dynamics: Kepler orbits about a dominant body, kicked by the planets' interaction.
@@ -77,12 +75,12 @@ class WisdomHolman(Integrator):
     corrector2 : whether to apply the second symplectic corrector too, with the modified or the lazy kick: it removes a
         part of the oscillations of the second order in the planets' masses, which matters for planets of a hundredth in
         long steps only; positions drift away as without it
-    encounters : "warn" of massless particles that come within three Hill radii of a planet, or to a pericentre that the
-        step does not resolve, after the run; "follow" them there by steps of their own; or "retire" them before the
-        step of that passage, with time and place
-    planets : "warn" of massive bodies that come within three mutual Hill radii of each other, before the run and after
-        it; "follow" these encounters by steps chosen one by one, of all bodies; or "refuse" to go on, with a
-        SingularityError before the step of that passage
+    encounters : what is done where bodies come too close for steps of this length: "warn", before the run and after
+        it; "follow" them there, massless particles each by steps of its own, planets by steps of all bodies that are
+        chosen one by one; "retire" massless particles before the step of that passage, with time and place; or
+        "refuse" to go on where planets meet, with a SingularityError before that step. "follow particles" and "follow
+        planets" follow these alone, and two answers are separated by a comma: "retire particles, follow planets". Of
+        what is not named is warned
     ejected_beyond, lost_within : the distance from the dominant body beyond which massless particles on open orbits are
         retired, and the pericentre distance below which any are, in the system's unit of length, whatever `encounters`
         is; looked for after every 64th step
@@ -103,18 +101,18 @@ class WisdomHolman(Integrator):
     Events are sought on the states that are seen, for which the corrector is undone at each step: that takes 60 times
     the time of a run without events. Collisions are refused.
 
-    With `encounters="follow"` a particle leaves the map at the beginning of the step in which it comes within four Hill
-    radii of a planet, or so close that kicks do not add up to the planet's attraction, or in which h v / r about the
-    dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both ends
-    of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets, and
-    enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of all
-    others do not change. All terms of the run act on it there too. One that comes within the radius of a body, if the
-    system has radii, is retired where it does.
+    When encounters are followed, a particle leaves the map at the beginning of the step in which it comes within four
+    Hill radii of a planet, or so close that kicks do not add up to the planet's attraction, or in which h v / r about
+    the dominant body exceeds half of 2 pi / 16 before a pericentre at which it exceeds all of that; the states at both
+    ends of the step tell. By steps of its own, chosen as in runs without dt, it then moves in the field of the planets,
+    and enters the map again once it is away. It is exact there, but not reversible in time, nor symplectic; the bits of
+    all others do not change. All terms of the run act on it there too. One that comes within the radius of a body, if
+    the system has radii, is retired where it does.
 
     About a dominant body that is alone, without terms, massless particles move exactly, whatever the step; then none
     leaves the map, or is warned of.
 
-    With `planets="follow"` all bodies leave the map, in both coordinates, at the beginning of the step in which two
+    All bodies leave the map, in both coordinates, at the beginning of the step in which two
     planets come within four mutual Hill radii of each other, or within the way that they make relative to each other in
     a step, or in which a planet comes to a pericentre that the step does not resolve, as above; the states at both ends
     of the step tell. By steps of Gauss(stages=8), chosen as in runs without dt, they then go on until the planets are
@@ -125,8 +123,8 @@ class WisdomHolman(Integrator):
     bodies away from the map for good. There is no dense output.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
-    pericentres that need more, and of encounters within three Hill radii of a planet, unless encounters="follow", or
-    planets="follow" for those of massive bodies.
+    pericentres that need more, and of encounters within three Hill radii of a planet, mutual ones of planets, unless
+    they are followed.
 
     Raises InputError for other coordinates, kernels, correctors and answers to encounters, and for a modified or lazy
     kick without a corrector.
@@ -137,7 +135,6 @@ class WisdomHolman(Integrator):
     corrector: int | None = None
     corrector2: bool = option(False)
     encounters: str = option("warn")
-    planets: str = option("warn")
     ejected_beyond: float | None = option(None)
     lost_within: float | None = option(None)
 
@@ -165,10 +162,7 @@ class WisdomHolman(Integrator):
         object.__setattr__(self, "corrector2", checked_flag(self.corrector2, "corrector2"))
         if self._heliocentric:
             self._require_neither_kernel_nor_corrector()
-        if not is_one_of(self.encounters, ENCOUNTERS):
-            raise InputError(f"encounters is {shown(self.encounters)}; expected {_one_of(ENCOUNTERS)}")
-        if not is_one_of(self.planets, PLANETS):
-            raise InputError(f"planets is {shown(self.planets)}; expected {_one_of(PLANETS)}")
+        object.__setattr__(self, "encounters", str(read(self.encounters)))
         for name in ("ejected_beyond", "lost_within"):
             value = getattr(self, name)
             if value is not None:
@@ -209,24 +203,9 @@ class WisdomHolman(Integrator):
         return self.ejected_beyond, self.lost_within
 
     @property
-    def refuses_meetings(self) -> bool:
-        """Whether encounters of planets end a run."""
-        return self.planets == "refuse"
-
-    @property
-    def follows_meetings(self) -> bool:
-        """Whether all bodies take steps of another method in encounters of planets."""
-        return self.planets == "follow"
-
-    @property
-    def follows_encounters(self) -> bool:
-        """Whether massless particles take steps of their own in encounters that the method cannot follow."""
-        return self.encounters == "follow"
-
-    @property
-    def retires_in_encounters(self) -> bool:
-        """Whether massless particles are retired before encounters that the method cannot follow."""
-        return self.encounters == "retire"
+    def in_encounters(self) -> Encounters:
+        """What is done in encounters that the steps cannot follow."""
+        return read(self.encounters)
 
     @property
     def order(self) -> int:
@@ -275,7 +254,7 @@ class WisdomHolman(Integrator):
             return form
         return replace(form, with_terms=True)
 
-    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
+    def check(self, lagrangian: Lagrangian, others: Callable[[], Mapping[str, type[Integrator]]]) -> None:
         """Raise InputError, naming the terms that have no flow here."""
         summands = getattr(lagrangian, "summands", ())
         strange = [term.name for term in summands if ABOUT_ONE_BODY not in term.traits]

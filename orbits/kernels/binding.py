@@ -20,7 +20,7 @@ from numba.core.datamodel.models import OpaqueModel
 from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 
-from orbits.kernels.compile.verbs import verb
+from orbits.kernels.compile.verbs import WithoutFirst, verb
 from orbits.kernels.lanes import full, store
 
 _KERNELS: dict[str, Mapping[str, Any]] = {}
@@ -223,7 +223,7 @@ def of_lagrangian(add=None, total=None):
             if isinstance(lagrangian, SumType):
                 return totalled if total else added if add else first
             compiled = kernel_of(lagrangian, described.__name__)
-            return compiled and (lambda lagrangian, parameters, *rest: compiled(parameters, *rest))
+            return compiled and WithoutFirst(compiled)
 
         found = wraps(described)(verb(choose))
         return found
@@ -243,7 +243,7 @@ def of_record(optional=False):
             compiled = kernel_of(record.types[0], described.__name__)
             if compiled is None and optional:
                 return lambda record, *rest: None
-            return compiled and (lambda record, *rest: compiled(record, *rest))
+            return compiled
 
         return wraps(described)(verb(choose))
 
@@ -258,7 +258,7 @@ def dimension(lagrangian, parameters):
     compiled = kernel_of(lagrangian, "dimension")
     if isinstance(compiled, int):
         return lambda lagrangian, parameters: compiled
-    return compiled and (lambda lagrangian, parameters: compiled(parameters))
+    return compiled and WithoutFirst(compiled)
 
 
 @verb
@@ -269,7 +269,7 @@ def bodies(lagrangian, parameters):
     if isinstance(lagrangian, SumType):
         return lambda lagrangian, parameters: bodies(first_term(lagrangian), parameters[0])
     compiled = kernel_of(lagrangian, "bodies")
-    return (lambda lagrangian, parameters: compiled(parameters)) if compiled else (lambda lagrangian, parameters: 0)
+    return WithoutFirst(compiled) if compiled else (lambda lagrangian, parameters: 0)
 
 
 @of_lagrangian(total=total_value)
@@ -307,7 +307,7 @@ def accelerate(lagrangian, parameters, q, out):
 
         return summed
     compiled = kernel_of(lagrangian, "accelerate" if getattr(q, "ndim", 0) == 1 else "accelerate_stages")
-    return compiled and (lambda lagrangian, parameters, q, out: compiled(parameters, q, out))
+    return compiled and WithoutFirst(compiled)
 
 
 @verb
@@ -326,7 +326,7 @@ def accelerate_close(lagrangian, parameters, q, q_lo, out):
     compiled = kernel_of(lagrangian, "accelerate_close")
     if compiled is None:
         return lambda lagrangian, parameters, q, q_lo, out: accelerate(lagrangian, parameters, q, out)
-    return lambda lagrangian, parameters, q, q_lo, out: compiled(parameters, q, q_lo, out)
+    return WithoutFirst(compiled)
 
 
 @verb
@@ -411,9 +411,7 @@ def field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
             return ax, ay, az, ax * 0.0
 
         return plain
-    return lambda lagrangian, parameters, sources, sources_lo, place, place_lo: compiled(
-        parameters, sources, sources_lo, place, place_lo
-    )
+    return WithoutFirst(compiled)
 
 
 @verb
@@ -438,7 +436,7 @@ def gross_field(lagrangian, parameters, sources, x, y, z):
     compiled = kernel_of(lagrangian, "gross_field")
     if compiled is None:
         return lambda lagrangian, parameters, sources, x, y, z: x * 0.0
-    return lambda lagrangian, parameters, sources, x, y, z: compiled(parameters, sources, x, y, z)
+    return WithoutFirst(compiled)
 
 
 @of_lagrangian(total=total_particle_gradients)

@@ -210,8 +210,7 @@ def elapsed(method, state, storage):
 @verb
 def part(method, model, t, h, state, storage):
     """Take a step that takes the time h. Returns (status, where, evaluations)."""
-    compiled = _kernel(method, "part") or _kernel(method, "step")
-    return compiled and (lambda method, model, t, h, state, storage: compiled(method, model, t, h, state, storage))
+    return _kernel(method, "part") or _kernel(method, "step")
 
 
 @verb
@@ -220,7 +219,7 @@ def begin_particles(method, model, particles, storage):
     compiled = _kernel(method, "begin_particles")
     if compiled is None:
         return lambda method, model, particles, storage: storage.carry
-    return lambda method, model, particles, storage: compiled(method, model, particles, storage)
+    return compiled
 
 
 @of_record()
@@ -242,7 +241,7 @@ def begin_pair(method, model, one, two, storages):
             begin_particles(method, model, one, storages[0]),
             begin_particles(method, model, two, storages[1]),
         )
-    return lambda method, model, one, two, storages: compiled(method, model, one, two, storages)
+    return compiled
 
 
 @verb
@@ -250,9 +249,7 @@ def step_pair(method, model, t, h, one, two, carry, storages):
     """Take one step of two times eight particles, by default of each. Returns (one, two, carry, evaluations of one)."""
     compiled = _kernel(method, "step_pair")
     if compiled is not None:
-        return lambda method, model, t, h, one, two, carry, storages: compiled(
-            method, model, t, h, one, two, carry, storages
-        )
+        return compiled
 
     def step_each(method, model, t, h, one, two, carry, storages):
         one, first, _, count = step_particles(method, model, t, h, one, carry[0], storages[0])
@@ -267,7 +264,7 @@ def keep_pair(method, carry, storages):
     """Keep the carry of two times eight particles at the end of a block; by default that of each."""
     compiled = _kernel(method, "keep_pair")
     if compiled is not None:
-        return lambda method, carry, storages: compiled(method, carry, storages)
+        return compiled
 
     def keep_each(method, carry, storages):
         keep_particles(method, carry[0], storages[0])

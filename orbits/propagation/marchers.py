@@ -29,6 +29,7 @@ from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.resuming.sample_store import ACCOUNTS, Resumable
 from orbits.system import System
+from orbits.system.derived import derived
 from orbits.system.model import Model, model, require_newtonian
 from orbits.trajectory.changes import CHANGES, COUNTS
 
@@ -84,7 +85,7 @@ def bound(
         bodies,
         integrator,
         clock,
-        model(system),
+        derived(system, model),
         start=start,
         dense=dense,
         underway=underway,
@@ -126,7 +127,7 @@ def march_of(
     problem = Problem(
         lagrangian, integrator, vectors, massive, clock_of(clock), retire=True, forces=forces, **options
     )
-    return PlanetExcursions(problem, q, v) if integrator.follows_meetings else Leg(problem, q, v)
+    return PlanetExcursions(problem, q, v) if integrator.in_encounters.follow_planets else Leg(problem, q, v)
 
 
 def looks_for_approaches(asked: bool | None, integrator: Integrator, system: System) -> bool:

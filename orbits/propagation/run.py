@@ -303,10 +303,11 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
             "run.at(times) marches on from the preceding sample, through the collisions."
         )
-    if dense and integrator.follows_meetings:
+    if dense and integrator.in_encounters.follow_planets:
         raise InputError(
-            "dense=True keeps the steps of one method, but with planets='follow' encounters take others; leave it out: "
-            "run.at(times) marches on from the preceding sample, through the encounters."
+            "dense=True keeps the steps of one method, but where planets are followed, encounters take others; leave "
+            "it out: run.at(times) marches on from the preceding sample, through the encounters. Where massless "
+            "particles alone may be in encounters, encounters='follow particles' has dense output."
         )
     on_motion = [type(event).__name__ for event in seeking.on_motion]
     if most_inner(system) and (dense or on_motion):

@@ -26,8 +26,9 @@ import signal
 import threading
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import Any
 
 import numpy as np
@@ -145,12 +146,16 @@ def run(
     times: Array,
     dt: float,
     reached: Callable[[float, int], None] = lambda time, steps: None,
+    halves: bool = False,
 ) -> PeerRun:
     """Integrate with the peer `name`, such as "whfast:kernel=lazy,corrector=17", and sample it at `times`.
 
     times (samples,) : from the epoch, all of one sign, in order of growing |t|
     dt : step of the fixed-step peers and first step that IAS15 tries, > 0
     reached : called after each sample with its time and the steps so far
+    halves : whether each half of the massless bodies is integrated with the massive ones on a thread of its own; a peer
+        that chooses steps then chooses them for each half. The massive bodies, and the steps, are those of the first
+        half; the seconds are those of the processor in both.
     Raises InputError (no such peer or option), IntegrationError (REBOUND failed or the problem does not suit the peer),
     Interrupted (Ctrl-C).
     """
@@ -161,25 +166,70 @@ def run(
         raise IntegrationError(f"{peer.label}: {reason}.")
     order = order_of_bodies(gm, q, v)
     start = PointMasses(gm[order], q[order], v[order], softening)
-    backwards = bool(np.any(times < 0))
-
     with _handlers(peer) as caught:
-        sim = _configured(peer, start, -dt if backwards else dt)
-        advancer = _on_grid(peer, sim, start, dt, backwards) if peer.fixed_step else _adaptive(sim)
-        q_out, v_out = np.empty((len(times), len(gm), 3)), np.empty((len(times), len(gm), 3))
-        q_now, v_now = np.empty_like(q), np.empty_like(v)
-        steps, wall = 0, 0.0
-        for i, t in enumerate(times.tolist()):
-            source, more, seconds = advancer(t)
-            steps += more
-            wall += seconds
-            source.serialize_particle_data(xyz=q_now, vxvyvz=v_now)
-            q_out[i, order], v_out[i, order] = q_now, v_now
-            if not np.all(np.isfinite(q_now)):
-                raise IntegrationError(f"{peer.label}: positions are no longer finite at t = {shown(t)}.", time=t)
-            reached(t, steps)
+        if halves:
+            integrated = _in_halves(peer, start, times, dt, reached)
+        else:
+            integrated = _integrated(peer, start, times, dt, reached)
+        q_seen, v_seen, steps, wall = integrated
         messages = tuple(dict.fromkeys(str(w.message) for w in caught))
+    q_out, v_out = np.empty_like(q_seen), np.empty_like(v_seen)
+    q_out[:, order], v_out[:, order] = q_seen, v_seen
     return PeerRun(q_out, v_out, steps, wall, messages)
+
+
+def _integrated(
+    peer: Peer,
+    start: PointMasses,
+    times: Array,
+    dt: float,
+    reached: Callable[[float, int], None],
+    clock: Callable[[], float] = perf_counter,
+) -> tuple[Array, Array, int, float]:
+    """Return q and v at the samples, (samples, bodies, 3), the steps, and the seconds of a clock; see `run`."""
+    backwards = bool(np.any(times < 0))
+    sim = _configured(peer, start, -dt if backwards else dt)
+    advancer = _on_grid(peer, sim, start, dt, backwards, clock) if peer.fixed_step else _adaptive(sim, clock)
+    q, v = np.empty((2, len(times), *start.q.shape))
+    steps, wall = 0, 0.0
+    for i, t in enumerate(times.tolist()):
+        source, more, seconds = advancer(t)
+        steps += more
+        wall += seconds
+        source.serialize_particle_data(xyz=q[i], vxvyvz=v[i])
+        if not np.all(np.isfinite(q[i])):
+            raise IntegrationError(f"{peer.label}: positions are no longer finite at t = {shown(t)}.", time=t)
+        reached(t, steps)
+    return q, v, steps, wall
+
+
+def _in_halves(
+    peer: Peer, start: PointMasses, times: Array, dt: float, reached: Callable[[float, int], None]
+) -> tuple[Array, Array, int, float]:
+    """As `_integrated`, half of the massless bodies on another thread: REBOUND does without Python's lock."""
+    active = int(np.count_nonzero(start.gm))
+    middle = (active + len(start.gm)) // 2
+    whole = np.arange(len(start.gm))
+    first, second = (
+        PointMasses(start.gm[part], start.q[part], start.v[part], start.softening)
+        for part in (whole[:middle], np.concatenate((whole[:active], whole[middle:])))
+    )
+    ended = threading.Event()
+
+    def unless_ended(time: float, steps: int) -> None:
+        if ended.is_set():
+            raise Interrupted("the other half has ended")
+
+    with ThreadPoolExecutor(1) as other:
+        later = other.submit(_integrated, peer, second, times, dt, unless_ended, thread_time)
+        try:
+            q, v, steps, wall = _integrated(peer, first, times, dt, reached, thread_time)
+        except BaseException:
+            ended.set()
+            raise
+        more_q, more_v, _, more_wall = later.result()
+    joined = (np.concatenate((a, b[:, active:]), axis=1) for a, b in ((q, more_q), (v, more_v)))
+    return *joined, steps, wall + more_wall  # type: ignore[return-value]
 
 
 @contextlib.contextmanager
@@ -220,7 +270,9 @@ def _take(peer: Peer, sim: Any, steps: int) -> None:
         sim.steps(1)
 
 
-def _on_grid(peer: Peer, sim: Any, start: PointMasses, dt: float, backwards: bool) -> _Advancer:
+def _on_grid(
+    peer: Peer, sim: Any, start: PointMasses, dt: float, backwards: bool, clock: Callable[[], float]
+) -> _Advancer:
     """Whole steps in `sim`; what is left over in a scratch simulation that is set to the state on the grid."""
     scratch = _configured(peer, start, dt)
     if "keep_unsynchronized" in dict(peer.options):
@@ -234,30 +286,30 @@ def _on_grid(peer: Peer, sim: Any, start: PointMasses, dt: float, backwards: boo
         nonlocal done
         k, rest = grid_position(t, dt)
         more, done = k - done, k
-        wall = -perf_counter()
+        wall = -clock()
         if more:
             _take(peer, sim, more)
-        wall += perf_counter()
+        wall += clock()
         if rest == 0.0:
             return sim, more, wall
         sim.serialize_particle_data(xyz=q, vxvyvz=v)
         scratch.set_serialized_particle_data(xyz=q, vxvyvz=v)
         scratch.dt = -rest if backwards else rest
-        wall -= perf_counter()
+        wall -= clock()
         _take(peer, scratch, 1)
-        wall += perf_counter()
+        wall += clock()
         return scratch, more, wall
 
     return advance
 
 
-def _adaptive(sim: Any) -> _Advancer:
+def _adaptive(sim: Any, clock: Callable[[], float]) -> _Advancer:
     def advance(t: float) -> tuple[Any, int, float]:
         before = int(sim.steps_done)
-        wall = -perf_counter()
+        wall = -clock()
         if t != sim.t:
             sim.integrate(t, exact_finish_time=1)
-        wall += perf_counter()
+        wall += clock()
         return sim, int(sim.steps_done) - before, wall
 
     return advance

@@ -156,9 +156,11 @@ class Pacing:
 
 def paced(wall_time: str | None, heartbeat: str | None) -> Pacing:
     """Return the options `--wall-time` and `--heartbeat` as values. Raises InputError for what cannot be read."""
+    from orbits.propagation.control.compiling import words
     from orbits.propagation.control.heartbeat import Heartbeat
     from orbits.propagation.control.wall_clock import Deadline, seconds_of
 
+    words.in_logs = heartbeat is None or heartbeat.strip().lower() != "never"
     deadline = None if wall_time is None else Deadline(number_or_text(wall_time), "--wall-time")
     if heartbeat is None:
         return Pacing(None if sys.stderr.isatty() else Heartbeat(first=SOON), deadline)

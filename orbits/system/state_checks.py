@@ -73,8 +73,13 @@ def checked_array(what: str, values: Floats, names: Sequence[str], width: int | 
     if wrong.any():
         i = int(np.argmax(wrong))
         raise InputError(f"{what} of {names[i]!r} is {with_unit(copy[i].tolist(), unit)}; expected finite numbers.")
-    copy.flags.writeable = False
-    return copy
+    return read_only(copy)
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array, which cannot be written to any more."""
+    array.flags.writeable = False
+    return array
 
 
 def check_not_negative(what: str, values: Floats, names: Sequence[str], unit: Any) -> None:

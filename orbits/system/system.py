@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
@@ -59,7 +59,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
     (unless softened). Two systems are equal if all their values, including units, are equal.
     """
 
-    __slots__ = ("_epoch", "_forces", "_names", "_radii", "_terms", "_units", "_values")
+    __slots__ = ("_derived", "_epoch", "_forces", "_massive", "_names", "_radii", "_terms", "_units", "_values")
 
     _names: tuple[str, ...]
     _values: PointMasses
@@ -68,6 +68,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
     _radii: Floats | None
     _terms: tuple[Term, ...]
     _forces: tuple[Force, ...]
+    _massive: NDArray[np.bool_]
+    _derived: dict[Callable[..., Any], Any]
 
     def __init__(
         self,
@@ -97,6 +99,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
             ("_radii", state_checks.checked_radii(names, radii, units)),
             ("_terms", model.checked_terms(terms, names, values.gm, units)),
             ("_forces", model.checked_forces(forces, names, values.gm, units)),
+            ("_massive", state_checks.read_only(values.massive)),
+            ("_derived", {}),
         ):
             object.__setattr__(self, attribute, value)
 
@@ -352,9 +356,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
 
     @property
     def massive(self) -> NDArray[np.bool_]:
-        """Which bodies attract (gm > 0), shape (n,)."""
-        massive: NDArray[np.bool_] = self._values.gm > 0.0
-        return massive
+        """Which bodies attract (gm > 0), shape (n,), read-only."""
+        return self._massive
 
     def index(self, name: str) -> int:
         """Return the index of a body. Raises UnknownNameError, with close matches."""

@@ -274,7 +274,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
     @property
     def excursions(self) -> Excursions:
         """When all bodies left a Wisdom–Holman map for encounters of massive ones, and when they returned to it; empty
-        unless the method is one with planets="follow".
+        unless the method follows planets there.
         """
         if self._excursions is None:
             self._excursions = Excursions.in_archive(self)

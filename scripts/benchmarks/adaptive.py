@@ -14,26 +14,24 @@ import orbits
 from benchmarks.encounters import Problem, crossers, flybys, problems, taylor, truth_of
 from benchmarks.native import Native, ias15, peer
 from benchmarks.precision_picture import draw
-from benchmarks.problems import ours as marched
-from benchmarks.problems import ten_bodies_data
+from benchmarks.problems import heyoka, kernel, marcher, ours, ten_bodies_data
 from benchmarks.references import rotated, rotations
-from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.legs.leg import Leg
 
 Array = NDArray[np.float64]
 
 TOLERANCES = (1e-8, 1e-9)
 
+GAUSS = orbits.Gauss(stages=8)
+
 
 def part_adaptive(repetitions: int) -> dict[str, Any]:
-    """Steps chosen one by one, Gauss with 8 stages: time from the start to the end, and the position error there, RMS
-    over six rotated starts, each against where that very start leads: Kepler's orbits in 40 digits, Burrau's problem by
-    a Taylor series in 128-bit floats, others in 80-bit floats. Errors in km among planets, else in units of the
-    problem; what is light has a mass of 1e-30 of the Sun's. The times are of marches
-    alone, without the call of `propagate` around them; massless bodies cost more than light ones, as they take steps of
-    their own. IAS15 at its default epsilon, from REBOUND's wheel and as
-    built on this machine (-O3 -march=native).
+    """Runs without dt by Gauss with 8 stages and two tolerances, beside REBOUND's IAS15 with its default epsilon, from
+    its wheel and as built on this machine (-O3 -march=native). A run is a whole call of `propagate`; the kernel is its
+    march alone. Apophis and the comet are massless, and test particles in REBOUND. The error is that of the position at
+    the end, the root mean square over six starts: the problem turned and rounded to floats, each compared with the
+    solution for just these floats, in 40 digits for two bodies and by a Taylor series in 128-bit or 80-bit floats for
+    more. It is in km among planets, and else in units of the problem.
     """
     rows, native = [], Native.start()
     for problem in problems():
@@ -51,7 +49,9 @@ def part_adaptive(repetitions: int) -> dict[str, Any]:
                         assert native is not None
                         spent, end, _ = native("ias15", problem.gm, start.q, start.v, problem.span)
                     else:
-                        spent, end = ours(problem, start.q, start.v, float(name))
+                        arguments = GAUSS, problem.gm, start.q, start.v, orbits.Adaptive(float(name)), problem.span
+                        spent, end = ours(*arguments)
+                        seconds.setdefault(f"{name} kernel", []).append(kernel(*arguments)[0])
                     best = min(best, spent)
                 seconds.setdefault(str(name), []).append(best)
                 if truth is not None:
@@ -61,7 +61,8 @@ def part_adaptive(repetitions: int) -> dict[str, Any]:
         row["IAS15 error"] = _rms(squares.get("ias15"))
         for tolerance in TOLERANCES:
             name = str(tolerance)
-            row[f"{tolerance:g} ms"] = 1e3 * statistics.median(seconds[name])
+            row[f"{tolerance:g} run ms"] = 1e3 * statistics.median(seconds[name])
+            row[f"{tolerance:g} kernel ms"] = 1e3 * statistics.median(seconds[f"{name} kernel"])
             row[f"{tolerance:g} error"] = _rms(squares.get(name))
             ratios = [a / b for a, b in zip(seconds["ias15"], seconds[name], strict=True)]
             row[f"{tolerance:g} times faster"] = statistics.median(ratios)
@@ -72,8 +73,9 @@ def part_adaptive(repetitions: int) -> dict[str, Any]:
 
 
 def part_light_bodies(repetitions: int) -> dict[str, Any]:
-    """A stone past a light body, as at an asteroid of 3e-10 and 3e-7 solar masses: position error of the stone in km
-    after 600 days, by default, and by IAS15 with the epsilon at which it is as good, or with the best one tried.
+    """A massless stone that passes a light body, such as an asteroid of 3e-10 or 3e-7 solar masses, in the middle of
+    600 days: its position error at the end, and the time of the whole run. First as both programs do it by default;
+    then IAS15 with the largest epsilon tried for which it is as accurate as ours, or with the best one if none is.
     """
     rows = []
     for problem in flybys():
@@ -85,7 +87,8 @@ def part_light_bodies(repetitions: int) -> dict[str, Any]:
             runs = (ias15(problem.gm, problem.q, problem.v, problem.span, epsilon) for _ in range(5))
             spent, end, _ = min(runs, key=_first)
             tried.append((_off(problem, end, truth), spent, epsilon))
-        spent, end = min((ours(problem, problem.q, problem.v, None) for _ in range(max(5, repetitions))), key=_first)
+        arguments = GAUSS, problem.gm, problem.q, problem.v, orbits.Adaptive(), problem.span
+        spent, end = min((ours(*arguments) for _ in range(max(5, repetitions))), key=_first)
         row["ours km"], row["ours ms"] = _off(problem, end, truth), 1e3 * spent
         row["IAS15 km"], row["IAS15 ms"] = tried[0][0], 1e3 * tried[0][1]
         good = [entry for entry in tried[1:] if entry[0] <= row["ours km"]] or [min(tried[1:])]
@@ -95,10 +98,10 @@ def part_light_bodies(repetitions: int) -> dict[str, Any]:
 
 
 def part_crossers(repetitions: int) -> dict[str, Any]:
-    """Fifty massless particles that cross Jupiter's orbit, among Sun, Jupiter and Saturn, for 2,000 years: seconds, how
-    many came to the end and how many were retired on the way, and the median and the largest position error after 100
-    years against 80-bit floats. One core; dt of the hybrid methods is a twentieth of Jupiter's year, and that of
-    WisdomHolman(encounters="follow") 100 days.
+    """Fifty massless particles that cross Jupiter's orbit, among Sun, Jupiter and Saturn: seconds of whole runs of
+    2,000 years on one core, how many particles came to the end and how many were retired on the way; and the median and
+    the largest position error after 100 years, compared with a Taylor series in 80-bit floats. MERCURIUS and TRACE take
+    steps of a twentieth of Jupiter's year, WisdomHolman(encounters="follow") steps of 100 days.
     """
     long, short = crossers(2000 * 365.25), crossers(100 * 365.25)
     truth = taylor(short.gm, short.q, short.v, short.span)
@@ -128,17 +131,19 @@ def part_crossers(repetitions: int) -> dict[str, Any]:
 
 
 def part_drift(repetitions: int) -> dict[str, Any]:
-    """Two bodies with e = 0.9 without dt, from the apocentre: relative energy error at the end, mean and RMS over
-    rotated starts; a random walk has a mean near 0 and grows with the square root of time. Over 24 starts, the mean
-    after 100,000 orbits is 2.8e-14, with a standard error of 1.0e-14: what the default tolerance leaves in seven
-    million steps. With a tolerance of 3e-10 it is 0.8e-14, with a standard error of 0.9e-14.
+    """The relative energy error of two bodies with e = 0.9 without dt, from the apocentre on: mean and root mean square
+    over rotated starts. If it is a random walk of rounding errors, the mean stays near 0, and the root mean square
+    grows with the square root of the number of orbits. A drift would show in the mean: over 24 starts it is 2.8e-14
+    after 100,000 orbits, seven million steps, with a standard error of 1.0e-14; with a tolerance of 3e-10 it is
+    0.8e-14, with a standard error of 0.9e-14. The seconds are those of the march alone.
     """
     problem = next(p for p in problems() if p.name.startswith("e = 0.9,"))
     errors: dict[int, list[float]] = {}
     seconds: dict[int, list[float]] = {}
     for rotation in rotations(max(3, repetitions)):
         start = rotated(problem.q, problem.v, rotation)
-        run = _march(problem, start.q, start.v, None)
+        run = marcher(GAUSS, problem.gm, start.q, start.v, orbits.Adaptive())
+        run.compile()
         first, begun = _energy(problem.gm, start.q, start.v), time.perf_counter()
         for orbits_done in (1_000, 10_000, 100_000):
             run.advance_to(Place(0, 2 * np.pi * orbits_done))
@@ -158,9 +163,10 @@ def part_drift(repetitions: int) -> dict[str, Any]:
 
 
 def part_precision(repetitions: int) -> dict[str, Any]:
-    """Work and precision: median time in ms and RMS position error at the end over six rotated starts, for tolerances
-    of each method; adaptive steps of Gauss with 8 stages, IAS15 and heyoka's Taylor method (in its compact mode for
-    more than three bodies).
+    """How much time buys how much accuracy, without dt: the median time of whole runs in ms, and the root mean square
+    of the position error at the end, over six rotated starts, for several tolerances of each method. They are Gauss
+    with 8 stages, REBOUND's IAS15, and heyoka's Taylor method, plain and with `high_accuracy=True`, which sums its
+    series in compensated arithmetic (in its compact mode for more than three bodies).
     """
     rows = []
     for problem in _curves():
@@ -168,18 +174,22 @@ def part_precision(repetitions: int) -> dict[str, Any]:
         truths = [truth_of(problem, start.q, start.v) for start in starts]
         if truths[0] is None:
             continue
-        series = _heyoka(problem)
         for k in range(8):
             row: dict[str, Any] = {"problem": problem.name}
             tolerance, epsilon, order = 10.0 ** (-3 - k), 10.0 ** (-6 - k), 10.0 ** (-2 - 2 * k)
             runs: dict[str, Callable[[Array, Array], Any]] = {
-                f"tolerance {tolerance:g}": lambda q, v, problem=problem, x=tolerance: ours(problem, q, v, x),
+                f"tolerance {tolerance:g}": lambda q, v, problem=problem, x=tolerance: ours(
+                    GAUSS, problem.gm, q, v, orbits.Adaptive(x), problem.span
+                ),
                 f"epsilon {epsilon:g}": lambda q, v, problem=problem, x=epsilon: ias15(
                     problem.gm, q, v, problem.span, x
                 ),
             }
-            if series is not None and k in (3, 5, 7):
-                runs[f"heyoka {order:g}"] = lambda q, v, x=order, series=series: series(x, q, v)
+            for peer_name, exact in (("heyoka", False), ("heyoka-exact", True)) if k in (3, 5, 7) else ():
+                compact, limit = len(problem.gm) > 3, max(order, 2.0**-52)
+                series = heyoka(problem.gm, limit, high_accuracy=exact, compact=compact)
+                if series is not None:
+                    runs[f"{peer_name} {order:g}"] = lambda q, v, run=series, span=problem.span: run(q, v, span)
             for name, run in runs.items():
                 spent, squares = [], []
                 for start, truth in zip(starts, truths, strict=True):
@@ -200,31 +210,6 @@ def _curves() -> list[Problem]:
     return [*(p for p in problems() if p.name in names), ten]
 
 
-def _heyoka(problem: Problem) -> Any:
-    """Return a runner of heyoka's Taylor method for a tolerance; None where it is not installed."""
-    try:
-        import heyoka as hy
-    except ImportError:
-        return None
-    model = hy.model.nbody(len(problem.gm), masses=list(problem.gm), Gconst=1.0)
-
-    def run(tolerance: float, q: Array, v: Array) -> tuple[float, Array]:
-        if tolerance not in known:
-            start = np.zeros(6 * len(problem.gm))
-            known[tolerance] = hy.taylor_adaptive(
-                model, state=start, tol=max(tolerance, 2.0**-52), compact_mode=len(problem.gm) > 3
-            )
-        series = known[tolerance]
-        series.time = 0.0
-        series.state[:] = np.hstack([q, v]).ravel()
-        begun = time.perf_counter()
-        series.propagate_until(problem.span)
-        return time.perf_counter() - begun, series.state.reshape(-1, 6)[:, :3].copy()
-
-    known: dict[float, Any] = {}
-    return run
-
-
 def _first(result: tuple[Any, ...]) -> float:
     return float(result[0])
 
@@ -239,31 +224,12 @@ def _off(problem: Problem, end: Array, truth: Array) -> float:
     return float(off.max() if problem.body is None else off[problem.body])
 
 
-def ours(problem: Problem, q: Array, v: Array, tolerance: float | None) -> tuple[float, Array]:
-    """Return (seconds, positions at the end) of one run, compiled before the clock starts."""
-    march, place = _march(problem, q, v, tolerance), Place(0, problem.span)
-    begun = time.perf_counter()
-    march.advance_to(place)
-    end, _ = march.state_at(place)
-    seconds = time.perf_counter() - begun
-    march.close()
-    return seconds, end
-
-
-def _march(problem: Problem, q: Array, v: Array, tolerance: float | None) -> Leg:
-    massive, clock = problem.gm > 0.0, orbits.Adaptive(tolerance)
-    gauss = orbits.Gauss(stages=8)
-    march = Leg.of(newtonian, gauss, parameters(problem.gm[massive]), massive, q, v, clock, retire=True)
-    march.compile()
-    return march
-
-
 def _crossed(name: str, problem: Problem) -> tuple[float, Array]:
+    start = problem.gm, problem.q, problem.v
     if name == "no dt":
-        return ours(problem, problem.q, problem.v, None)
+        return ours(GAUSS, *start, orbits.Adaptive(), problem.span)
     if name == "wisdom-holman":
-        following = orbits.WisdomHolman(encounters="follow")
-        return marched(following, problem.gm, problem.q, problem.v, 100.0, problem.span)
+        return ours(orbits.WisdomHolman(encounters="follow"), *start, 100.0, problem.span)
     dt = 365.25 * 11.86 / 20
     return peer(name, problem.gm, problem.q, problem.v, problem.span, None, dt)[:2]
 

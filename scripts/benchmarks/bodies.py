@@ -10,15 +10,19 @@ from typing import Any
 import numpy as np
 
 import orbits
-from benchmarks.problems import AU_KM, YEAR, belt, cluster, heyoka, ours, rebound, ten_bodies_data
+from benchmarks.problems import AU_KM, YEAR, belt, cluster, heyoka, kernel, ours, rebound, ten_bodies_data
 from benchmarks.references import ends, errors, rotated, rotations
 from orbits.marching.legs.leg import available_threads
 
+HEYOKA = "heyoka Taylor, tol 2^-52"
+
 
 def part_ten_bodies(repetitions: int) -> dict[str, Any]:
-    """Sun, planets and Pluto, Newtonian point masses, over 1,000 years: time, and RMS position error over rotated
-    initial states, each compared with the solution for exactly its rounded floats. The deviation of the model from the
-    real Solar System is [another matter](model.md#newtonian-point-masses).
+    """Sun, planets and Pluto as point masses over 1,000 years. A run is a whole call of `propagate`; the kernel is its
+    march alone. Errors are those of the positions at the end: each method starts from the same planets, turned in
+    several ways and rounded to floats, and is compared with the solution for just these floats in quadruple precision;
+    the table has the root mean square. How far point masses are from the real Solar System is [another
+    question](model.md#newtonian-point-masses).
     """
     gm, q, v, reference = ten_bodies_data()
     span = 1000 * YEAR
@@ -26,28 +30,30 @@ def part_ten_bodies(repetitions: int) -> dict[str, Any]:
     truths = ends(gm, q, v, reference["1000"], starts, span)
     names = ("Mercury", "Venus", "Earth-Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune", "Pluto")
     methods: dict[str, Callable[..., tuple[float, np.ndarray]]] = {}
-    for h in (6.0, 4.0, 3.0, 2.0):
-        methods[f"Gauss(stages=8), dt {h:g} d"] = lambda gm, q, v, dt, span, h=h: ours(
-            orbits.Gauss(stages=8), gm, q, v, h, span
-        )
-    for tolerance in (1e-8, 1e-9):
-        methods[f"Gauss(stages=8), no dt, tolerance {tolerance:g}"] = lambda gm, q, v, dt, span, x=tolerance: ours(
-            orbits.Gauss(stages=8), gm, q, v, orbits.Adaptive(x), span
-        )
-    methods["REBOUND ias15"] = lambda *a: rebound("ias15", *a)
-    methods["REBOUND whfast-corrector17, dt 3 d"] = lambda gm, q, v, dt, span: rebound(
+    kernels: dict[str, Callable[..., tuple[float, np.ndarray]]] = {}
+    steps = {f"dt {h:g} d": h for h in (6.0, 4.0, 3.0, 2.0)}
+    chosen = {f"no dt, tolerance {x:g}": orbits.Adaptive(x) for x in (1e-8, 1e-9)}
+    for what, dt in {**steps, **chosen}.items():
+        name = f"Gauss(stages=8), {what}"
+        methods[name] = lambda q, v, span, dt=dt: ours(orbits.Gauss(stages=8), gm, q, v, dt, span)
+        kernels[name] = lambda q, v, span, dt=dt: kernel(orbits.Gauss(stages=8), gm, q, v, dt, span)
+    methods["REBOUND ias15"] = lambda q, v, span: rebound("ias15", gm, q, v, 6.0, span)
+    methods["REBOUND whfast-corrector17, dt 3 d"] = lambda q, v, span: rebound(
         "whfast-corrector17", gm, q, v, 3.0, span
     )
-    taylor = heyoka(gm)
-    if taylor is not None:
-        methods["heyoka Taylor, tol 2^-52"] = taylor
+    taylor, exact = heyoka(gm), heyoka(gm, high_accuracy=True)
+    if taylor is not None and exact is not None:
+        methods[HEYOKA], methods[f"{HEYOKA}, high accuracy"] = taylor, exact
     seconds: dict[str, list[float]] = {m: [] for m in methods}
+    alone: dict[str, list[float]] = {m: [] for m in methods}
     squares: dict[str, list[np.ndarray]] = {m: [] for m in methods}
     for start, truth in zip(starts, truths, strict=True):
         for name, run in methods.items():
-            spent, end = run(gm, start.q, start.v, 6.0, span)
+            spent, end = run(start.q, start.v, span)
             seconds[name].append(spent)
             squares[name].append(errors(end, start, truth) ** 2)
+            if name in kernels:
+                alone[name].append(kernels[name](start.q, start.v, span)[0])
     rows = []
     base = {k: statistics.median(s) for k, s in seconds.items()}
     for name in methods:
@@ -55,12 +61,13 @@ def part_ten_bodies(repetitions: int) -> dict[str, Any]:
         rows.append(
             {
                 "method": name,
-                "seconds": base[name],
+                "run s": base[name],
+                "kernel s": statistics.median(alone[name]) if alone[name] else None,
                 "times faster than ias15": statistics.median(
                     a / b for a, b in zip(seconds["REBOUND ias15"], seconds[name], strict=True)
                 ),
                 "times faster than heyoka": statistics.median(
-                    a / b for a, b in zip(seconds["heyoka Taylor, tol 2^-52"], seconds[name], strict=True)
+                    a / b for a, b in zip(seconds[HEYOKA], seconds[name], strict=True)
                 )
                 if taylor is not None
                 else None,
@@ -71,23 +78,26 @@ def part_ten_bodies(repetitions: int) -> dict[str, Any]:
 
 
 def part_particles(repetitions: int) -> dict[str, Any]:
-    """1,000 massless particles and ten bodies for five years: time, and error against Gauss with steps of one day,
-    whose own error is its difference from Gauss with 7 stages.
+    """1,000 massless particles and ten bodies for five years. A run is a whole call of `propagate` on one thread; the
+    kernel is its march alone. Errors are those of the particles' positions at the end, compared with Gauss in steps of
+    a day; the error of this reference is its difference from Gauss with 7 stages in the same steps.
     """
     gm, q, v = belt(1000)
     span = 5 * YEAR
     _, truth = ours(orbits.Gauss(stages=8), gm, q, v, 1.0, span)
     _, check = ours(orbits.Gauss(stages=7), gm, q, v, 1.0, span)
-    methods = {
-        f"Gauss(stages=8), dt {h:g} d": lambda h=h: ours(orbits.Gauss(stages=8), gm, q, v, h, span) for h in (6.0, 9.0)
-    }
+    steps = {f"Gauss(stages=8), dt {h:g} d": h for h in (6.0, 9.0)}
+    methods = {name: lambda h=h: ours(orbits.Gauss(stages=8), gm, q, v, h, span) for name, h in steps.items()}
     methods["REBOUND ias15"] = lambda: rebound("ias15", gm, q, v, 6.0, span)
     seconds: dict[str, list[float]] = {m: [] for m in methods}
+    alone: dict[str, list[float]] = {m: [] for m in methods}
     error = {}
     for _ in range(repetitions):
         for name, run in methods.items():
             spent, end = run()
             seconds[name].append(spent)
+            if name in steps:
+                alone[name].append(kernel(orbits.Gauss(stages=8), gm, q, v, steps[name], span)[0])
             miss = AU_KM * np.linalg.norm(end - truth, axis=1)[10:]
             error[name] = {"median_km": float(np.median(miss)), "max_km": float(miss.max())}
     return {
@@ -96,7 +106,8 @@ def part_particles(repetitions: int) -> dict[str, Any]:
         "rows": [
             {
                 "method": name,
-                "seconds_per_year": statistics.median(seconds[name]) / 5,
+                "run s per year": statistics.median(seconds[name]) / 5,
+                "kernel s per year": statistics.median(alone[name]) / 5 if alone[name] else None,
                 "times faster than ias15": statistics.median(
                     a / b for a, b in zip(seconds["REBOUND ias15"], seconds[name], strict=True)
                 ),
@@ -108,7 +119,9 @@ def part_particles(repetitions: int) -> dict[str, Any]:
 
 
 def part_explicit(repetitions: int) -> dict[str, Any]:
-    """Störmer–Verlet beside REBOUND's leapfrog: nine bodies alone, and 1,000 massless particles."""
+    """A step of Störmer–Verlet, the kernel alone, beside one of REBOUND's leapfrog: of nine bodies, and of 1,000
+    massless particles with them.
+    """
     rows = []
     for label, particles, steps in (("9 bodies", 0, 100_000), ("9 bodies and 1,000 massless particles", 1000, 4000)):
         gm, q, v = belt(particles)
@@ -116,7 +129,7 @@ def part_explicit(repetitions: int) -> dict[str, Any]:
         gm, q, v = gm[keep], q[keep], v[keep]
         mine, theirs = [], []
         for _ in range(repetitions):
-            mine.append(ours(orbits.StormerVerlet(), gm, q, v, 1.0, float(steps))[0])
+            mine.append(kernel(orbits.StormerVerlet(), gm, q, v, 1.0, float(steps))[0])
             theirs.append(rebound("leapfrog", gm, q, v, 1.0, float(steps))[0])
         per = 1e9 / steps / max(1, particles)
         rows.append(
@@ -132,7 +145,9 @@ def part_explicit(repetitions: int) -> dict[str, Any]:
 
 
 def part_threads(repetitions: int) -> dict[str, Any]:
-    """8,000 massless particles on one thread and on all of this machine's processors; the same bits."""
+    """Runs of 8,000 massless particles on one thread and on all processors: how many times faster, and whether the bits
+    are the same.
+    """
     gm, q, v = belt(8000)
     count = available_threads()
     rows = []
@@ -156,8 +171,8 @@ def part_threads(repetitions: int) -> dict[str, Any]:
 
 
 def part_large(repetitions: int) -> dict[str, Any]:
-    """Thousands of mutually attracting bodies: Störmer–Verlet on one thread and on all processors, beside
-    REBOUND's leapfrog; nanoseconds for each pair i < j and step, closest approaches recorded on the way.
+    """Thousands of bodies that attract each other: runs by Störmer–Verlet on one thread and on all processors, beside
+    REBOUND's leapfrog. Nanoseconds for each pair of bodies, counted once, and step.
     """
     count = available_threads()
     rows = []
@@ -187,8 +202,8 @@ def part_large(repetitions: int) -> dict[str, Any]:
 
 
 def part_kepler(repetitions: int) -> dict[str, Any]:
-    """The Kepler flow of 1,024 massless particles about one star, e up to 0.2: numbers and lanes beside WHFast, which
-    adds its change of coordinates; nanoseconds a particle and step.
+    """Motion on Kepler orbits, e up to 0.2: nanoseconds a step for each of 1,024 massless particles, computed eight at
+    a time in lanes, and one at a time, beside REBOUND's WHFast, which also changes coordinates in each step.
     """
     from orbits.kernels.compile import kernel
     from orbits.kernels.kepler.flow import kepler_flow, kepler_increments

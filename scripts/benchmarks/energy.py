@@ -24,10 +24,11 @@ SPANS = (20_000, 100_000, 1_000_000, 10_000_000, 100_000_000)
 
 
 def part_energy(repetitions: int, steps: int = STEPS) -> dict[str, Any]:
-    """The energy of Sun and eight planets in a thousand million steps of 3 days, 8.2 million years, by the default map
-    on one thread: the RMS of its relative change over spans of the run. A random walk's grows with the square root of
-    the number of steps, a drift's with the number. Measured with the low parts of the states, in 80-bit floats.
-    `python scripts/benchmark.py energy` alone runs it, not `make bench`.
+    """The energy of Sun and eight planets over a thousand million steps of 3 days, 8.2 million years, by the default
+    map on one thread: the root mean square of its relative change over spans of the run. That of a random walk grows
+    with the square root of the number of steps, that of a drift with the number itself. Energies are computed from the
+    states and their low parts in 80-bit floats. `python scripts/benchmark.py energy` runs this part; `make bench` does
+    not.
     """
     gm, q, v, _ = ten_bodies_data()
     run = marcher(orbits.WisdomHolman(), gm[:9], q[:9], v[:9], H)

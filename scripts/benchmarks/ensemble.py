@@ -37,12 +37,13 @@ def _belt() -> ensemble.Ensemble:
 
 
 def part_ensemble(repetitions: int) -> dict[str, Any]:
-    """8,192 particles of the belt among Sun and giants for a century, `WisdomHolman` with steps of 30 days, start and
-    end in archives: least time of campaigns that alternate. Beside the march, a block costs its archive with two
-    writes to the disk, its system, the checks of its steps, its table; the planets are marched in each block again.
-    "Processor here" is the time of the processor of the campaign's process, with Dask's scheduler where that is in
-    it, "of workers" that of the workers' processes; "beside" is the former on one thread, less that with blocks of
-    4,096, for each block. On a machine that does other work these figures hold, and the seconds do not.
+    """A campaign of 8,192 particles of the belt among Sun and giants: a century by `WisdomHolman` in steps of 30 days,
+    start and end in archives, in blocks of several sizes. The seconds are the least of campaigns that take turns.
+    "Processor here" is the processor time of the campaign's own process, which includes Dask's scheduler if there is
+    one; "of workers" is that of the workers' processes. Each block also writes its archive and its table and checks its
+    steps, and marches the planets again: "ms a block beside" is what that costs, the processor time on one thread above
+    that with blocks of 4,096 members, per block. Other work on the machine changes the seconds, and hardly the
+    processor times.
     """
     belt = _belt()
     least: dict[tuple[str, int, int], float] = {}

@@ -238,11 +238,11 @@ def table(found: list[Judged]) -> list[dict[str, Any]]:
 
 
 def part_error_bars(repetitions: int) -> dict[str, Any]:
-    """Error bars of positions beside the errors, for random systems of eight kinds, each without dt (a third of them
-    with a tolerance of 1e-8 to 1e-5) and with a constant one (half of them Gauss with 8 stages, the others Gauss with
-    2 to 5 stages, Störmer–Verlet and compositions), followed for up to 250 turns, from resolved steps to far too long
-    ones: how many bars, the share that contains the error, and the share that is more than thirty times as large.
-    Errors against Taylor series in 128-bit floats (34 digits). `python scripts/benchmark.py error_bars` alone runs it,
-    not `make bench`.
+    """How error bars of positions compare with the errors. Random systems of eight kinds are followed for up to 250
+    turns, in steps from resolved to far too long: without dt (a third of them with a tolerance of 1e-8 to 1e-5), and
+    with a constant one (half of them by Gauss with 8 stages, the others by Gauss with 2 to 5 stages, Störmer–Verlet and
+    compositions). The table has the number of bars, the share that contains the error, and the share that is more than
+    thirty times as large as the error. The errors are known from Taylor series in 128-bit floats (34 digits). `python
+    scripts/benchmark.py error_bars` runs this part; `make bench` does not.
     """
     return {"rows": table(list(judged(Quadruple())))}

@@ -22,10 +22,10 @@ COUNT = 40
 
 
 def part_jacobi(repetitions: int) -> dict[str, Any]:
-    """Forty particles with e = 0.3 that cross the orbit of a planet on a circle, of a 1,047th of the mass, in steps of
-    a fortieth and a hundredth of its year: the change of their Jacobi constants C, about 3, after 10, 100 and 1,000 of
-    these years, the median and the nine-tenths quantile, by WisdomHolman(encounters="follow"), MERCURIUS and TRACE. In
-    the longest time the particles meet the planet tens of times.
+    """Forty particles with e = 0.3 cross the orbit of a planet with a 1,047th of the star's mass, on a circle; in 1,000
+    of its years they meet it tens of times. The table has the change of their Jacobi constants, which are about 3,
+    after 10, 100 and 1,000 years: the median and the value that nine tenths do not exceed, in 40 and in 100 steps a
+    year, by WisdomHolman(encounters="follow"), MERCURIUS and TRACE.
     """
     gm, q, v = _start()
     first, rows = constant(gm, q, v), []

@@ -24,10 +24,10 @@ PEER = "REBOUND WHFast"
 
 
 def part_map_particles(repetitions: int) -> dict[str, Any]:
-    """Massless particles in Wisdom–Holman maps: 1,024 of the asteroid belt among the Sun and eight planets, steps of 3
-    days. Nanoseconds a particle and step, without those of the planets alone, the least of many short chunks that
-    alternate, on one thread and with the search for closest approaches; and how many times faster all threads are.
-    REBOUND's WHFast, which looks for no approaches, from the wheel and as built here from source.
+    """Massless particles in Wisdom–Holman maps: 1,024 of the asteroid belt among the Sun and eight planets, in steps of
+    3 days. The kernel's nanoseconds for a particle and step, the time of the planets alone subtracted: the least of
+    many short pieces in turn, on one thread, with the search for closest approaches; and how many times faster all
+    threads are. REBOUND's WHFast looks for no approaches; it is from the wheel, and as built here from source.
     """
     gm, q, v = belt(COUNT)
     bodies = np.arange(len(gm)) != 9

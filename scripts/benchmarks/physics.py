@@ -50,11 +50,11 @@ def _with_terms(tag, parameters, hours, Q, V, out, F, S, count):
 
 
 def part_physics(repetitions: int) -> dict[str, Any]:
-    """Relativity by all bodies, `PostNewtonian()`, beside Newton alone: the least of many short chunks, alternating.
-    The forces at eight stages in lanes; whole steps of 3 days by `Gauss(stages=8)`, by sweep over its eight stages. Ten
-    bodies are Sun and planets with their moons and Pluto; twelve are Sun, planets, Moon, Pluto and Ceres. Then the
-    processor time of whole runs of thirty years of `System.solar_system(model=...)`, with the same steps and without
-    the check of the step, beside Newton's attraction of the same eleven bodies; and steps of 3 days of Sun and eight
+    """What relativity costs: `PostNewtonian()` of all bodies beside Newton alone, the least of many short pieces in
+    turn. First the forces at eight stages in lanes, and whole steps of 3 days by `Gauss(stages=8)`, per sweep over the
+    stages: of ten bodies, Sun and planets with their moons and Pluto, and of twelve, Sun, planets, Moon, Pluto and
+    Ceres. Then the processor time of whole runs of `System.solar_system(model=...)` over thirty years without the check
+    of the step, beside the same eleven bodies as Newtonian point masses. Last, a step of 3 days of Sun and eight
     planets by Wisdom–Holman maps, with `PostNewtonian(sources=["Sun"])`.
     """
     rows = []

@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from orbits.plotting.style import BLUE, GREEN, INK, VERMILION, below, figure, look, save
+from orbits.plotting.style import BLUE, GREEN, INK, PURPLE, VERMILION, below, figure, look, save
 
 SERIES = (
     ("tolerance", BLUE, "o", "orbits, no dt"),
     ("epsilon", VERMILION, "s", "REBOUND IAS15"),
     ("heyoka", GREEN, "^", "heyoka"),
+    ("heyoka-exact", PURPLE, "v", "heyoka, high accuracy"),
 )
 DEFAULTS = {"tolerance": "1e-09", "epsilon": "1e-09"}
 

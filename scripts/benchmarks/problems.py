@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import time
+import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
+import orbits
 from benchmarks.references import Exact, exact
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Clock
@@ -31,18 +33,42 @@ def ten_bodies_data() -> tuple[np.ndarray, np.ndarray, np.ndarray, dict[str, Exa
 
 
 def marcher(
-    method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: Clock | float, threads: int = 1
+    method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: Clock | float, threads: int = 1, **options: Any
 ) -> Leg:
-    """A system of floats bound to a method."""
+    """A system of floats bound to a method; options : those of `Leg`."""
     massive = gm > 0
-    return Leg.of(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads)
+    return Leg.of(newtonian, method, parameters(gm[massive]), massive, q, v, h, threads=threads, **options)
+
+
+_COMPILED: set[tuple[Any, ...]] = set()
+"""The runs that `ours` has compiled."""
 
 
 def ours(
+    method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, dt: Clock | float, span: float, threads: int = 1
+) -> tuple[float, np.ndarray]:
+    """Return (seconds, positions at `span`) of one run, as a user has it: a call of `propagate` with two samples, all
+    checks on. The first one of its kind is repeated, as it compiles.
+    """
+    system = orbits.System([f"body {k}" for k in range(len(gm))], gm, q, v, units=orbits.DIMENSIONLESS)
+    kind = method, type(dt), len(gm), int(system.massive.sum()), threads
+    for _ in range(1 if kind in _COMPILED else 2):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", orbits.errors.OrbitsWarning)
+            begun = time.perf_counter()
+            run = orbits.propagate(system, method, dt=dt, duration=span, samples=2, threads=threads, progress=False)
+            seconds = time.perf_counter() - begun
+    _COMPILED.add(kind)
+    return seconds, run.q.value[-1]
+
+
+def kernel(
     method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, h: Clock | float, span: float, threads: int = 1
-):
-    """Return (seconds, positions at `span`) of one run, compiled before the clock starts."""
-    run = marcher(method, gm, q, v, h, threads)
+) -> tuple[float, np.ndarray]:
+    """Return (seconds, positions at `span`) of the march of a run alone, without what `propagate` does around it:
+    compiled before the clock starts.
+    """
+    run = marcher(method, gm, q, v, h, threads, retire=True, approaches=method.looks_for_approaches)
     run.compile()
     place = run.clock.place(span)
     begun = time.perf_counter()
@@ -59,16 +85,24 @@ def rebound(name: str, gm: np.ndarray, q: np.ndarray, v: np.ndarray, dt: float, 
     return run.wall_s, run.q[-1]
 
 
-def heyoka(gm: np.ndarray) -> Callable[..., tuple[float, np.ndarray]] | None:
-    """Return a runner of heyoka's Taylor integrator for these masses, compiled; None where heyoka is not installed."""
+def heyoka(
+    gm: np.ndarray, tolerance: float = 2.0**-52, *, high_accuracy: bool = False, compact: bool = False
+) -> Callable[..., tuple[float, np.ndarray]] | None:
+    """Return a runner of heyoka's Taylor integrator for these masses, compiled; None where heyoka is not installed.
+    Massless bodies come last.
+
+    high_accuracy : whether it sums its series in compensated arithmetic; compact : whether it compiles a small program
+    """
     try:
         import heyoka as hy
     except ImportError:
         return None
-    model = hy.model.nbody(len(gm), masses=list(gm / gm[0]), Gconst=gm[0])
-    integrator = hy.taylor_adaptive(model, state=np.zeros(6 * len(gm)), tol=2.0**-52)
+    model = hy.model.nbody(len(gm), masses=list(gm[gm > 0.0] / gm[0]), Gconst=gm[0])
+    integrator = hy.taylor_adaptive(
+        model, state=np.zeros(6 * len(gm)), tol=tolerance, high_accuracy=high_accuracy, compact_mode=compact
+    )
 
-    def run(gm: np.ndarray, q: np.ndarray, v: np.ndarray, dt: float, span: float) -> tuple[float, np.ndarray]:
+    def run(q: np.ndarray, v: np.ndarray, span: float) -> tuple[float, np.ndarray]:
         integrator.time = 0.0
         integrator.state[:] = np.hstack([q, v]).ravel()
         begun = time.perf_counter()

@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 import orbits
-from benchmarks.problems import marcher, ours
-from orbits.marching.clocks.constant import ConstantSteps
-from orbits.marching.stepping import driver
+from benchmarks.encounters import apophis
+from benchmarks.problems import kernel, ours, ten_bodies_data
 
 FIRST_STEP = """
 import orbits
@@ -46,7 +45,9 @@ def _whole_process(code: str, environment: dict[str, str] | None = None) -> floa
 
 
 def part_start(repetitions: int) -> dict[str, Any]:
-    """Whole processes, the least of several in turn: the first step, and the import of what it cannot do without."""
+    """Seconds of whole processes, the least of several in turn: imports, and the first step of a run, with kernels from
+    the cache (warm) and compiled for it (cold).
+    """
     warm = {
         "python alone": "pass",
         "import orbits": "import orbits",
@@ -101,8 +102,8 @@ def part_memory(repetitions: int) -> dict[str, Any]:
 
 
 def part_lagrangians(repetitions: int) -> dict[str, Any]:
-    """Kepler's problem with Gauss(stages=8), 0.2 a step: a Lagrangian from SymPy beside the hand-written N-body path
-    for two bodies; nanoseconds a step, and force evaluations of all stages.
+    """Kepler's problem by Gauss(stages=8) in steps of 0.2: a Lagrangian written in SymPy beside the hand-written code
+    for gravitating bodies; nanoseconds a step, and evaluations of the forces at all stages in a step.
     """
     from orbits.lagrangians.newtonian import n_body
     from orbits.marching.flow import Flow
@@ -160,8 +161,9 @@ print(made - begun, compiled - made, time.perf_counter() - compiled)
 
 
 def part_symbolic(repetitions: int) -> dict[str, Any]:
-    """Each Lagrangian from nothing, in a process with an empty cache: derivatives and source by SymPy, kernels
-    compiled, the step of Gauss compiled for it; then all three again in a second process.
+    """From a formula to the first step, in a process with an empty cache: seconds for the derivatives by SymPy, for
+    compiling them, and for compiling a step of Gauss with them; then all three again in a second process, which finds
+    them in the cache.
     """
     rows = []
     for name in sorted(orbits.lagrangians.registry()):
@@ -201,44 +203,22 @@ def part_pendulum(repetitions: int) -> dict[str, Any]:
 
 
 def part_calls(repetitions: int) -> dict[str, Any]:
-    """Short calls, as in a fit: ten bodies for 100 steps of 6 d with Gauss, two samples, all checks on, and how much of
-    it is not the march itself; and the same for a year without dt, whose march, here with its search for close
-    approaches, chooses 97 steps.
+    """Short runs, as in a fit of orbits: the ten bodies by Gauss in steps of 6 d and without dt, Apophis among them
+    without dt, and Sun and eight planets by a map in steps of 3 d. A run is a call of `propagate` with two samples and
+    all checks; the kernel is the march in it, and the overhead is the rest.
     """
-    system, method = orbits.System.solar_system(), orbits.Gauss(stages=8)
-
-    def call() -> None:
-        orbits.propagate(system, method, dt=6.0, duration=600.0, samples=2, progress=False)
-
-    def chosen() -> None:
-        orbits.propagate(system, method, duration=365.25, samples=2, progress=False)
-
-    def march_of_chosen() -> float:
-        clock = orbits.Adaptive().towards(1.0)
-        return ours(method, system.values.gm, system.values.q, system.values.v, clock, 365.25)[0]
-
-    def kernel() -> float:
-        run = marcher(method, system.values.gm, system.values.q, system.values.v, 6.0)
-        state = [run.checkpoint()[name] for name in ("q", "q_lo", "v", "v_lo", "memory")]
-        form, clock = method.second_order, ConstantSteps(6.0)
-        bound = (form.tag, form.coefficients(6.0, 6.0), *run.problem.acting)
-        fixed = (*bound, clock.timing, clock.numbers(0.0, 0), np.zeros(0))
-        scratch, stages = np.zeros(form.scratch_shape(30)), np.zeros((1, *form.stages_shape(30)))
-        begun = time.perf_counter()
-        driver.march(*fixed, *state, scratch, stages, np.zeros(0), 1, np.zeros((0, 1, 8)), 100)
-        return time.perf_counter() - begun
-
+    gm, q, v, _ = ten_bodies_data()
+    planets, stone, adaptive = slice(9), apophis(365.25), orbits.Adaptive()
+    gauss, the_map = orbits.Gauss(stages=8), orbits.WisdomHolman()
+    runs = {
+        "ten bodies, 100 steps of 6 d": (gauss, gm, q, v, 6.0, 600.0),
+        "ten bodies, a year without dt": (gauss, gm, q, v, adaptive, 365.25),
+        "Apophis, a year without dt": (gauss, stone.gm, stone.q, stone.v, adaptive, stone.span),
+        "Sun and eight, 200 steps of a map": (the_map, gm[planets], q[planets], v[planets], 3.0, 600.0),
+    }
     rows = []
-    for name, whole_call, part in (("6 d", call, kernel), ("chosen", chosen, march_of_chosen)):
-        whole_call(), part()
-        whole, inner = [], []
-        for _ in range(100 * repetitions):
-            begun = time.perf_counter()
-            whole_call()
-            whole.append(time.perf_counter() - begun)
-            inner.append(part())
-        total, steps = statistics.median(whole), statistics.median(inner)
-        rows.append(
-            {"steps": name, "call us": 1e6 * total, "kernel us": 1e6 * steps, "overhead us": 1e6 * (total - steps)}
-        )
+    for name, arguments in runs.items():
+        spent = [(ours(*arguments)[0], kernel(*arguments)[0]) for _ in range(100 * repetitions)]
+        whole, march = (1e6 * statistics.median(seconds) for seconds in zip(*spent, strict=True))
+        rows.append({"run": name, "run us": whole, "kernel us": march, "overhead us": whole - march})
     return {"rows": rows}

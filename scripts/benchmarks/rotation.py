@@ -61,9 +61,9 @@ def bodies() -> tuple[Array, Array, Array]:
 
 def part_rotation(repetitions: int) -> dict[str, Any]:
     """Free rotation of random bodies in closed form: ns a step for each of eight bodies in lanes, and for one alone;
-    and the largest error of the attitude after 100,000 revolutions, in radians, against elliptic functions in 40
-    digits. In `orbits.march`, which kicks and keeps the energy in doubled precision, beside Gauss with eight stages;
-    the rounding of the angle alone is 7e-11 radians.
+    and the largest error of the attitude after 100,000 revolutions, in radians, compared with elliptic functions in 40
+    digits. Then the same by `orbits.march`, whose kicks and energy are in doubled precision, and by Gauss with eight
+    stages. The rounding of the angle alone makes 7e-11 radians.
     """
     moments, q, momentum = bodies()
     turning = np.linalg.norm(momentum / moments, axis=0)

@@ -36,10 +36,11 @@ PEERS = "mercurius", "trace", "ias15"
 
 def part_scattering(repetitions: int) -> dict[str, Any]:
     """Planets about a star of one solar mass that cross each other's orbits, from ten starts: three Jupiters at 5.2,
-    6.3 and 7.9 au and two Neptunes at 5 and 5.3 au for 2,000 years in steps of 100 d, and two Earths at 1 and 1.05 au
-    for 500 years in steps of 8 d, by WisdomHolman(planets="follow") in both coordinates, MERCURIUS and TRACE, and by
-    Gauss and IAS15 in steps that they choose: the largest relative error of the energy at 20 times, the median and the
-    largest of the starts, seconds for each start, and how often all bodies left the map.
+    6.3 and 7.9 au and two Neptunes at 5 and 5.3 au for 2,000 years, and two Earths at 1 and 1.05 au for 500 years. The
+    maps, WisdomHolman(encounters="follow") in both coordinates, MERCURIUS and TRACE, take steps of 100 d, for the
+    Earths of 8 d; Gauss and IAS15 choose theirs. The table has the largest relative error of the energy at 20 times,
+    the median and the largest of the starts; seconds for each start; and how often all bodies left the map for steps of
+    Gauss.
     """
     rows = []
     for problem, (mass, sizes, e, h, years) in PROBLEMS.items():
@@ -86,7 +87,7 @@ def _ours(
 ) -> Iterator[tuple[Array, Array, int]]:
     bodies, clock, method = PointMasses(gm, q, v), ConstantSteps(h), orbits.Gauss(stages=8)
     if coordinates in COORDINATES:
-        method = orbits.WisdomHolman(coordinates=coordinates, planets="follow")
+        method = orbits.WisdomHolman(coordinates=coordinates, encounters="follow")
     else:
         clock = Adaptive()
     march = march_of(bodies, method, clock)

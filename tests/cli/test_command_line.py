@@ -420,16 +420,16 @@ def test_the_package_is_run_as_the_command():
 
 
 def test_encounters_in_a_map_are_an_option_of_the_method_on_the_command_line(tmp_path):
-    method = "wisdom-holman(encounters='follow',planets='follow')"
+    method = "wisdom-holman(encounters='follow')"
     out = call(
         "run", "solar_system", "--integrator", method, "--dt", "1 d", "--duration", "1 yr", "--samples", "3", "--json",
         "--no-plot", "--out", tmp_path,
     )  # fmt: skip
     assert out.exit_code == 0, out.output
     (run,) = json.loads(out.stdout)["cases"][""]["runs"].values()
-    assert "encounters='follow', planets='follow'" in run["integrator"]
+    assert "encounters='follow all'" in run["integrator"]
     record = json.loads(call("info", tmp_path / "run.h5", "--json").stdout)
     assert all({"Earth", "Moon"} == set(one["bodies"]) for one in record["excursions"])
     out = call("run", "solar_system", "--integrator", "wisdom-holman(encounters='leave')", "--out", tmp_path / "other")
     assert out.exit_code == 2
-    assert "expected 'warn', 'follow' or 'retire'" in out.output
+    assert "expected 'warn', 'follow', 'follow particles'" in out.output

@@ -66,7 +66,7 @@ def test_other_methods_give_particles_bits_that_do_not_depend_on_the_block(tmp_p
 @pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 def test_particles_that_are_followed_through_encounters_have_bits_that_do_not_depend_on_the_block(tmp_path):
     near = 5.0
-    options = {**OPTIONS, "integrator": orbits.WisdomHolman(encounters="follow")}
+    options = {**OPTIONS, "integrator": orbits.WisdomHolman(encounters="follow particles")}
     one, other = (ensemble.run(belt(40, near), tmp_path / str(b), block=b, **options) for b in (40, 9))
     for name in one:
         np.testing.assert_array_equal(one[name].q, other[name].q)

@@ -87,7 +87,7 @@ def test_a_pericentre_that_the_step_does_not_resolve_is_said_with_terms():
 @pytest.mark.parametrize("planet", at((1,), [0.0, 1e-4]))
 def test_a_particle_that_falls_is_where_it_is_on_its_way_and_hits_the_surface(coordinates, planet):
     """Samples while it takes steps of its own, and the impact: t = 4.276519514 by Kepler's equation for r = 0.05."""
-    method = orbits.WisdomHolman(coordinates=coordinates, encounters="follow")
+    method = orbits.WisdomHolman(coordinates=coordinates, encounters="follow particles")
     q, v = zip(
         (np.zeros(3), np.zeros(3)),
         state_from_elements(1.0, a=20.0, e=0.01, inc=0.0, Omega=0.0, omega=0.0, M=1.0),

@@ -16,7 +16,7 @@ from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
 from orbits.terms import ZonalHarmonics
 
-FOLLOW, WARN = orbits.WisdomHolman(encounters="follow"), orbits.WisdomHolman(encounters="warn")
+FOLLOW, WARN = orbits.WisdomHolman(encounters="follow particles"), orbits.WisdomHolman(encounters="warn")
 GAUSS = orbits.Gauss(stages=8)
 DT = 100.0
 KM = 149597870.7
@@ -261,7 +261,7 @@ def test_planets_that_meet_end_the_run_if_asked():
     ends = []
     for samples in (4, 61):
         with pytest.raises(SingularityError, match="within 3 mutual Hill radii") as caught:
-            orbits.propagate(start, orbits.WisdomHolman(planets="refuse"), samples=samples, **options)
+            orbits.propagate(start, orbits.WisdomHolman(encounters="refuse"), samples=samples, **options)
         ends.append(caught.value.step)
         assert set(caught.value.bodies) == {"one", "other"}
         assert len(caught.value.trajectory) == np.searchsorted(np.linspace(0, 300, samples), caught.value.time / 365.25)
@@ -269,8 +269,8 @@ def test_planets_that_meet_end_the_run_if_asked():
 
 
 def test_what_does_not_fit_is_refused():
-    with pytest.raises(InputError, match="expected 'warn', 'follow' or 'refuse'"):
-        orbits.WisdomHolman(planets="leave")
+    with pytest.raises(InputError, match="expected 'warn', 'follow', 'follow particles'"):
+        orbits.WisdomHolman(encounters="leave")
     with pytest.raises(InputError, match="ejected_beyond is -3; expected a distance above 0"):
         orbits.WisdomHolman(ejected_beyond=-3)
     with pytest.raises(InputError, match=r"unit of length, such as ejected_beyond=100$"):
@@ -289,7 +289,7 @@ def two_equal_planets(apart=0.235, mass=1e-3):
 
 def test_planets_meet_within_mutual_hill_radii_not_within_those_of_one():
     start, options = two_equal_planets(), {"duration": 40.0, "samples": 2, "progress": False, "check_step": False}
-    method = orbits.WisdomHolman(planets="refuse")
+    method = orbits.WisdomHolman(encounters="refuse")
     with pytest.raises(SingularityError, match="within 3 mutual Hill radii"):
         orbits.propagate(start, method, dt=0.05, **options)
     far = two_equal_planets(0.4)

@@ -9,7 +9,7 @@ from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 
 from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched
 
-FOLLOW = orbits.WisdomHolman(encounters="follow")
+FOLLOW = orbits.WisdomHolman(encounters="follow particles")
 TIME = 8.0
 
 

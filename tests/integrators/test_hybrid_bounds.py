@@ -24,8 +24,9 @@ from ..problems import rebounds_outer_solar_system
 DATA = json.loads(data_path("rebound_test_bounds.json").read_text())
 MERCURIUS = {row["name"]: row["asserts"] for row in DATA["tests"]}["test_mercurius.test_outer_solar / many_encounters"]
 
-JACOBI, SEVERAL_KICKS = orbits.WisdomHolman(planets="follow"), orbits.methods.SABA(planets="follow")
-HELIOCENTRIC = orbits.WisdomHolman(coordinates="democratic-heliocentric", planets="follow")
+JACOBI = orbits.WisdomHolman(encounters="follow planets")
+SEVERAL_KICKS = orbits.methods.SABA(encounters="follow planets")
+HELIOCENTRIC = orbits.WisdomHolman(coordinates="democratic-heliocentric", encounters="follow planets")
 YEAR = 2 * math.pi
 
 # A planet of a giant's mass each, x, y, vx, vy about a star: get_sim of test_many_encounters, in rebound/tests/
@@ -161,7 +162,7 @@ def test_a_particle_between_star_and_planet_keeps_its_jacobi_constant():
 @pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 def test_a_particle_that_is_followed_by_the_planet_changes_no_bit_of_it(coordinates):
     """test_no_effect_tp; here it is bound to the planet."""
-    method = orbits.WisdomHolman(coordinates=coordinates, encounters="follow")
+    method = orbits.WisdomHolman(coordinates=coordinates, encounters="follow particles")
     q, v = np.zeros((3, 3)), np.zeros((3, 3))
     q[1:, 0], v[1:, 1] = [1.0, 1.01], math.sqrt(1.001) + np.array([0.0, 0.3])
     both = propagated(bodies([1.0, 1e-3, 0.0], q, v), method, 0.1, 2.0)

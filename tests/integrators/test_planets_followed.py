@@ -1,4 +1,4 @@
-"""WisdomHolman(planets="follow"): all bodies leave the map for encounters of planets, and return to it."""
+"""WisdomHolman(encounters="follow planets"): all bodies leave the map for encounters of planets, and return to it."""
 
 import pickle
 from itertools import pairwise
@@ -24,7 +24,7 @@ from ..coverings import first
 from ..maps import newtonian_energy, solar_system
 
 SUN, YEAR = 0.00029591220828, 365.25
-FOLLOW, WARN = orbits.WisdomHolman(planets="follow"), orbits.WisdomHolman()
+FOLLOW, WARN = orbits.WisdomHolman(encounters="follow planets"), orbits.WisdomHolman()
 OPTIONS = {"dt": "100 d", "progress": False}
 
 
@@ -199,8 +199,8 @@ def test_backwards_in_time_encounters_are_followed_too():
     ("method", "most"),
     [
         # 2e-5, that of these coordinates without encounters
-        (orbits.WisdomHolman(coordinates="democratic-heliocentric", planets="follow"), 5e-5),
-        (SABA(10, 6, 4, planets="follow"), 2e-8),
+        (orbits.WisdomHolman(coordinates="democratic-heliocentric", encounters="follow planets"), 5e-5),
+        (SABA(10, 6, 4, encounters="follow planets"), 2e-8),
     ],
     ids=["democratic-heliocentric", "SABA"],
 )
@@ -251,7 +251,7 @@ PARTICLES = [(3.0, 0.1), (5.4, 0.2), (6.5, 0.1), (9.0, 0.2), (11.0, 0.05)]
 
 def test_massless_particles_go_along(tmp_path):
     """The planets keep their bits; particles are where chosen steps lead them, and a resumed run has the same bits."""
-    method = orbits.WisdomHolman(planets="follow", encounters="follow")
+    method = orbits.WisdomHolman(encounters="follow")
     start = planets(particles=PARTICLES)
     options = {"dt": "100 d", "duration": 80 * u.yr, "samples": 9, "progress": False}
     run = orbits.propagate(start, method, **options)
@@ -278,7 +278,7 @@ def test_particles_that_hit_a_planet_on_an_excursion_are_retired_there(tmp_path)
     start = orbits.System(
         ["star", "b", "c", "falls", "stays"], gm, q, v, units=orbits.SOLAR, radii=[0.0, 0.04, 0.04, 0.0, 0.0]
     )
-    method = orbits.WisdomHolman(planets="follow", encounters="follow")
+    method = orbits.WisdomHolman(encounters="follow")
     options = {"dt": "50 d", "duration": "3000 d", "samples": 4, "progress": False}
     run = orbits.propagate(start, method, archive=tmp_path / "run.h5", **options)
     assert run.excursions[0].returned is None
@@ -336,7 +336,7 @@ def test_impacts_are_at_the_surface_whatever_the_samples(mass, sizes, radius, co
     start = planets(mass, sizes, particles=particles)
     radii = np.where(start.massive, radius, 0.0)
     radii[0] = 0.005
-    method = orbits.WisdomHolman(planets="follow", encounters="follow")
+    method = orbits.WisdomHolman(encounters="follow")
     options = {**OPTIONS, "duration": 200 * u.yr}
     seen = []
     for samples in (3, 9, 101, 1001):
@@ -355,9 +355,9 @@ def test_what_does_not_fit_is_refused():
     start, options = planets(), {"dt": "100 d", "duration": "10 yr"}
     with pytest.raises(InputError, match="leave it out"):
         orbits.propagate(start, FOLLOW, dense=True, **options)
-    with pytest.raises(InputError, match="planets='warn'"):
+    with pytest.raises(InputError, match="encounters='warn'"):
         orbits.megno(start, FOLLOW, **options)
-    with pytest.raises(InputError, match="'warn', 'follow' or 'refuse'"):
-        orbits.WisdomHolman(planets="ignore")
-    with pytest.warns(StepWarning, match='planets="follow"'):
+    with pytest.raises(InputError, match="expected 'warn', 'follow', 'follow particles'"):
+        orbits.WisdomHolman(encounters="ignore")
+    with pytest.warns(StepWarning, match='encounters="follow"'):
         orbits.propagate(start, WARN, dt="100 d", duration="1 yr", progress=False)

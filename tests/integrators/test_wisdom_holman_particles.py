@@ -213,5 +213,5 @@ def test_a_pericentre_that_is_not_resolved_is_warned_of_after_the_run_too():
     assert "plunger passes Sun at 0.11" in str(seen[-1].message)
     assert "of 1 massless particle had fewer; the rest of the run" in str(seen[-1].message)
     assert {passage.body for passage in run.unresolved()} == {"plunger"}
-    with pytest.raises(InputError, match="expected 'warn', 'follow' or 'retire'"):
+    with pytest.raises(InputError, match="expected 'warn', 'follow', 'follow particles'"):
         orbits.WisdomHolman(encounters="ignore")

@@ -85,12 +85,12 @@ def maps() -> None:
         if n > 1 and particles:
             run(
                 system(n, particles, gm=1e-4, radius=1e-3),
-                orbits.WisdomHolman(encounters="follow"),
+                orbits.WisdomHolman(encounters="follow particles"),
                 dt=0.1,
                 duration=9.0,
             )
         if n > 2:
-            run(system(n, particles, gm=1e-3), orbits.WisdomHolman(planets="follow"), dt=0.1, duration=9.0)
+            run(system(n, particles, gm=1e-3), orbits.WisdomHolman(encounters="follow planets"), dt=0.1, duration=9.0)
 
 
 def terms_and_forces() -> None:

@@ -78,7 +78,7 @@ WAYS = {
     "in lanes": (orbits.StormerVerlet(), 0.01),
     "one after another": (orbits.Gauss(stages=4), 0.05),
     "by own steps": (orbits.Gauss(stages=6), orbits.Adaptive()),
-    "leaving a map": (orbits.WisdomHolman(encounters="follow"), 0.02),
+    "leaving a map": (orbits.WisdomHolman(encounters="follow particles"), 0.02),
 }
 
 

@@ -82,7 +82,7 @@ def test_a_run_without_them_says_so_and_how_to_have_them(archived: bool, tmp_pat
         (VERLET, 1 / 32),
         (MAP, 1 / 16),
         (orbits.WisdomHolman(encounters="retire"), 1 / 16),
-        (orbits.WisdomHolman(encounters="follow", planets="follow"), 1 / 16),
+        (orbits.WisdomHolman(encounters="follow"), 1 / 16),
         (orbits.Gauss(stages=8), 1 / 4),
         (orbits.Gauss(stages=8), None),
     ],

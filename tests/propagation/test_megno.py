@@ -287,7 +287,7 @@ def test_the_number_of_vectors_is_a_choice_and_the_first_ones_are_the_same():
     with pytest.raises(InputError, match="vectors"):
         orbits.megno(system, "gauss", vectors=0, **options)
     with pytest.raises(InputError, match="steps of their own"):
-        orbits.megno(system, orbits.WisdomHolman(encounters="follow"), **options)
+        orbits.megno(system, orbits.WisdomHolman(encounters="follow particles"), **options)
 
 
 @pytest.mark.parametrize("encounters", ["warn", "retire"])

@@ -286,7 +286,7 @@ def test_gauss_has_one_to_32_stages(stages):
         ("runge_kutta_4", orbits.methods.RungeKutta4()),
         ("wisdom-holman(kernel=lazy, corrector=11)", orbits.WisdomHolman(kernel="lazy", corrector=11)),
         ("WisdomHolman(democratic-heliocentric)", orbits.WisdomHolman("democratic-heliocentric")),
-        ("wisdom-holman(planets='follow')", orbits.WisdomHolman(planets="follow")),
+        ("wisdom-holman(encounters='follow planets')", orbits.WisdomHolman(encounters="follow planets")),
         ("composition(stormer-verlet, order=4)", orbits.methods.Composition(orbits.StormerVerlet(), order=4)),
     ],
 )

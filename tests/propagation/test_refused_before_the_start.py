@@ -252,8 +252,7 @@ def test_particles_that_start_beside_a_planet_are_retired_before_the_first_step(
 
 
 def test_particles_that_start_beside_a_planet_and_are_followed_need_no_warning():
+    method = orbits.WisdomHolman(encounters="follow")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        orbits.propagate(
-            beside_jupiter(0.01), orbits.WisdomHolman(encounters="follow"), dt="50 d", duration="1 yr", **OPTIONS
-        )
+        orbits.propagate(beside_jupiter(0.01), method, dt="50 d", duration="1 yr", **OPTIONS)

@@ -1,5 +1,6 @@
 """Ctrl-C between two blocks of steps."""
 
+import _signal
 import os
 import pickle
 import signal
@@ -14,8 +15,8 @@ from orbits.propagation.control.signals import CAUGHT, StopRequest
 
 def test_handlers_of_other_programs_are_left_alone_and_those_of_python_are_put_back(monkeypatch):
     """A handler installed outside Python reads as None."""
-    known, before = signal.getsignal, [signal.getsignal(number) for number in CAUGHT]
-    monkeypatch.setattr(signal, "getsignal", lambda number: None if number == signal.SIGTERM else known(number))
+    known, before = _signal.getsignal, [_signal.getsignal(number) for number in CAUGHT]
+    monkeypatch.setattr(_signal, "getsignal", lambda number: None if number == signal.SIGTERM else known(number))
     with StopRequest() as request:
         assert known(signal.SIGTERM) is before[1]
         assert not request.name

@@ -18,7 +18,7 @@ METHODS = {
     "gauss": {"integrator": "gauss", "dt": 0.21},
     "kicks": {"integrator": Composition(order=8), "dt": 0.05},
     "map": {"integrator": "wisdom-holman", "dt": 0.21},
-    "map that is left": {"integrator": orbits.WisdomHolman(planets="follow"), "dt": 0.21},
+    "map that is left": {"integrator": orbits.WisdomHolman(encounters="follow planets"), "dt": 0.21},
 }
 
 

@@ -372,7 +372,7 @@ def test_a_run_gives_the_matrices_at_its_samples():
 def test_what_has_no_known_derivative_is_refused_with_the_reason():
     system = planets()
     with pytest.raises(InputError, match="steps of their own"):
-        matrix(planets(0.6), orbits.WisdomHolman(encounters="follow"), dt=0.1, duration=1.0)
+        matrix(planets(0.6), orbits.WisdomHolman(encounters="follow particles"), dt=0.1, duration=1.0)
     with pytest.raises(InputError, match="no terms besides Newton's gravity"):
         matrix(system.with_terms(J2), HELIOCENTRIC, dt=0.1, duration=1.0)
     with pytest.raises(InputError, match="Drag"):

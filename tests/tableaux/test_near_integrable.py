@@ -159,5 +159,5 @@ def test_orders_may_be_typed_as_in_the_literature():
     ):
         with pytest.raises(InputError, match=text):
             SABA(*orders)
-    with pytest.raises(InputError, match="'warn' or 'retire'"):
+    with pytest.raises(InputError, match="expected 'warn', 'retire particles'"):
         SABA(encounters="ignore")

@@ -7,7 +7,7 @@ Separable Lagrangians are marched in second-order form, all others in canonical 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from orbits.errors import InputError
@@ -57,7 +57,7 @@ class VariationalRungeKutta(Integrator):
         """Order of convergence."""
         return self.tableau.order
 
-    def check(self, lagrangian: Lagrangian, others: Mapping[str, type[Integrator]]) -> None:
+    def check(self, lagrangian: Lagrangian, others: Callable[[], Mapping[str, type[Integrator]]]) -> None:
         """As for all methods; more than one register of stages needs a separable Lagrangian."""
         if self.canonical is None and SEPARABLE not in lagrangian.traits:
             raise InputError(

@@ -50,10 +50,7 @@ def turn(method, moments, h, attitude, momentum):
 
     moments : (A, B, C); attitude : (a, b, c, d); momentum : in the axes of the body, (x, y, z)
     """
-    compiled = kernel_of(method.types[0], "turn")
-    return compiled and (
-        lambda method, moments, h, attitude, momentum: compiled(method, moments, h, attitude, momentum)
-    )
+    return kernel_of(method.types[0], "turn")
 
 
 @kernel(inline=True)
@@ -213,7 +210,7 @@ def turn_rotor(method, moments, h, carry, own):
     """
     compiled = kernel_of(method.types[0], "turn_rotor")
     if compiled is not None:
-        return lambda method, moments, h, carry, own: compiled(method, moments, h, carry, own)
+        return compiled
 
     def by_turn(method, moments, h, carry, own):
         u = four(carry, own + U)

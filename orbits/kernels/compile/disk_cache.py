@@ -31,6 +31,7 @@ from numba.core.codegen import RuntimeLinker
 from numba.core.serialize import dumps
 
 from orbits.kernels.compile import trusted_files
+from orbits.kernels.compile.entry_locks import locked
 from orbits.kernels.compile.source_hash import is_covered
 
 CHECKSUM_BYTES = 16
@@ -72,15 +73,21 @@ class CheckedFiles(caching.IndexDataCacheFile):
         """Save the entry of a signature; if that is impossible, warn and continue without."""
         try:
             payload = self._dump(data)
-            overloads = {**self._load_index(), key: self._name_of(payload)}
-            trusted_files.write(self._folder / overloads[key], payload)
-            self._save_index(overloads)
-            self._remove_all_but(set(overloads.values()))
+            name = self._name_of(payload)
+            trusted_files.write(self._folder / name, payload)
+            with locked(self._folder, f"index {self._base}"):
+                overloads = {**self._load_index(), key: name}
+                self._save_index(overloads)
+                self._remove_all_but(set(overloads.values()))
         except OSError as error:
             trusted_files.warn(
                 f"compiled kernels cannot be kept in {self._folder} ({error.strerror}): each process will compile "
                 "them anew. Free some space there, or choose another folder with NUMBA_CACHE_DIR."
             )
+
+    def alone(self, key: Any) -> contextlib.AbstractContextManager[None]:
+        """Return a context in which no other process makes the entry of a signature."""
+        return locked(self._folder, f"entry {self._base} {key}")
 
     def _load_index(self) -> dict[Any, str]:
         path = Path(self._index_path)
@@ -207,6 +214,7 @@ class KernelCache(caching.FunctionCache):
     """
 
     _impl_class = _Implementation
+    _cache_file: CheckedFiles
 
     def __init__(self, function: Callable[..., Any], stamp: str, *, covered: bool, purpose: str = "") -> None:
         super().__init__(function)
@@ -225,6 +233,10 @@ class KernelCache(caching.FunctionCache):
         """
         with self._guard_against_spurious_io_errors():
             return self._load_overload(sig, target_context)
+
+    def alone(self, sig: Any) -> contextlib.AbstractContextManager[None]:
+        """Return a context in which no other process compiles for a signature."""
+        return self._cache_file.alone(sig)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         """Return the key of an entry, which also distinguishes functions of the same name in one file."""

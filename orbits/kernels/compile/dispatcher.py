@@ -1,11 +1,11 @@
-"""The result of `@kernel`: Numba's dispatcher with four differences.
+"""The result of `@kernel`: Numba's dispatcher with five differences.
 
 * For compiled callers it compiles without the wrapper for calls from Python: that wrapper takes a fifth of the compile
   time, and most kernels are never called from Python. Those that are get a separate entry point.
 * It compiles without Numba's runtime (`_nrt`): no reference counts, no allocation.
 * Compiled code calls nothing outside its own library, so that the same input gives the same bits, in whatever order
-    code
-  was compiled or loaded (see `code_library.py`).
+  code was compiled or loaded (see `code_library.py`).
+* Of several processes that need the same code, one compiles it (see `entry_locks.py`).
 * If a kernel allocates, the error message says where.
 
 It uses private parts of Numba, as the cache does; pyproject.toml pins the tested range of versions.
@@ -14,30 +14,33 @@ It uses private parts of Numba, as the cache does; pyproject.toml pins the teste
 from __future__ import annotations
 
 import contextlib
-import gc
 import inspect
 import linecache
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from numba import types
+from numba.core import sigutils
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
+from numba.core.event import trigger_event
 from numba.core.registry import CPUDispatcher
 
 from orbits.errors import InputError
 from orbits.kernels.compile.code_library import CalleeCompiler, KernelCompiler
 from orbits.kernels.compile.disk_cache import KernelCache
+from orbits.kernels.compile.garbage import garbage_left
 from orbits.kernels.compile.source_hash import is_covered
 
 NEEDS_RUNTIME = ("NRT required but not enabled", "Only accept returning of array passed into the function")
 """Numba's messages for a function that allocates but is compiled without the runtime."""
 
 
-class _Compiled(CPUDispatcher):
+class Compiled(CPUDispatcher):
     """A function and its compiled versions, one for each signature.
 
     options : Numba's options
@@ -45,6 +48,10 @@ class _Compiled(CPUDispatcher):
     purpose : a word that distinguishes its cache from others of the same function
     compiler : the class of the compiler
     """
+
+    _cache_hits: Counter[Any]
+    _cache_misses: Counter[Any]
+    _compiler: Any
 
     def __init__(
         self,
@@ -68,19 +75,47 @@ class _Compiled(CPUDispatcher):
         return KernelCache(self.py_func, str(self._stamp), covered=self._covered, purpose=self._purpose)
 
     def compile(self, signature: Any) -> Any:
-        """Compile for a signature, unless already compiled. Raises InputError if the function allocates."""
-        if self._stamp is not None:
-            self._cache = self.cache
+        """Compile for a signature, unless already compiled. Raises InputError if the function allocates.
+
+        It is Numba's own way, without its timers of all calls to LLVM, which took a twentieth of the time, and with a
+        lock of the entry.
+        """
+        args, result = sigutils.normalize_signature(signature)
+        with global_compiler_lock, garbage_left(), self._compiling_counter:
+            found: Any = self.overloads.get(tuple(args))
+            if found is None and self._stamp is not None:
+                self._cache = self.cache
+                found = self._loaded(signature)
+            if found is None:
+                with self._cache.alone(signature) if self._stamp is not None else contextlib.nullcontext():
+                    found = self._loaded(signature) or self._made(signature, args, result)
+            return found.entry_point
+
+    def _loaded(self, signature: Any) -> Any:
+        """Return the code for a signature from the cache, or None."""
+        found = self._cache.load_overload(signature, self.targetctx)
+        if found is not None:
+            self.targetctx.insert_user_function(found.entry_point, found.fndesc, [found.library])
+            self.add_overload(found)
+            self._cache_hits[signature] += 1
+        return found
+
+    def _made(self, signature: Any, args: Any, result: Any) -> Any:
+        """Compile for a signature, and keep the code in the cache."""
+        self._cache_misses[signature] += 1
         try:
-            with global_compiler_lock, _garbage_left():
-                return super().compile(signature)
+            with trigger_event("numba:compile", data={"dispatcher": self, "args": args, "return_type": result}):
+                made = self._compiler.compile(args, result)
+                self.add_overload(made)
         except NumbaError as error:
             if any(sign in str(error) for sign in NEEDS_RUNTIME):
                 raise InputError(_allocates(self.py_func, str(error))) from error
             raise
+        self._cache.save_overload(signature, made)
+        return made
 
 
-class Kernel(_Compiled):
+class Kernel(Compiled):
     """A kernel for calls from Python; for compiled callers, `callee` is compiled instead."""
 
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> None:
@@ -89,17 +124,17 @@ class Kernel(_Compiled):
             vars(self)["callee"] = self._without_entry("callee", CalleeCompiler)
 
     @cached_property
-    def callee(self) -> _Compiled:
+    def callee(self) -> Compiled:
         """The same function for compiled callers, which copy it. Calling it from Python would crash the process."""
         return self._without_entry("callee", CalleeCompiler)
 
     @cached_property
-    def addressed(self) -> _Compiled:
+    def addressed(self) -> Compiled:
         """The same function for calls by address. Calling it from Python would crash the process."""
         return self._without_entry("addressed", KernelCompiler)
 
-    def _without_entry(self, purpose: str, compiler: type[KernelCompiler]) -> _Compiled:
-        return _Compiled(self.py_func, {**self._options, "no_cpython_wrapper": True}, self._stamp, purpose, compiler)
+    def _without_entry(self, purpose: str, compiler: type[KernelCompiler]) -> Compiled:
+        return Compiled(self.py_func, {**self._options, "no_cpython_wrapper": True}, self._stamp, purpose, compiler)
 
     def _reduce_states(self) -> dict[str, Any]:
         return {"function": self.py_func, "options": self._options, "stamp": self._stamp}
@@ -112,22 +147,6 @@ class Kernel(_Compiled):
     def _numba_type_(self) -> Any:
         """The Numba type of this object."""
         return types.Dispatcher(self.callee)
-
-
-@contextlib.contextmanager
-def _garbage_left() -> Iterator[None]:
-    """Switch garbage collection off until the end.
-
-    Compiling makes millions of objects, most of which live for a while: repeated garbage collection took a seventh of
-    the time.
-    """
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if collects:
-            gc.enable()
 
 
 def _allocates(function: Callable[..., Any], report: str) -> str:

@@ -23,9 +23,10 @@ import os
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from orbits.kernels.compile import trusted_files
+from orbits.kernels.compile.garbage import garbage_left
 
 PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -74,8 +75,9 @@ def stamp_of(package: Path) -> Stamp:
         kept = json.loads(trusted_files.read(place))
         if kept["bytes"] == _with_others(own, package, kept["others"]):
             return Stamp(str(kept["stamp"]), frozenset(kept["covers"]))
-    code = Code(package)
-    text = code.digest()
+    with garbage_left():  # a million nodes, all of which are needed
+        code = Code(package)
+        text = code.digest()
     others = sorted(code.read.difference(_own(package)))
     seen = _with_others(own, package, others)
     kept = {"bytes": seen, "others": others, "stamp": text, "covers": sorted(code.kernels)}
@@ -117,6 +119,7 @@ class Code:
     def __init__(self, package: Path) -> None:
         self.package, self.read = package, set[str]()
         self._files: dict[str, File] = {}
+        self._found: dict[tuple[str, str], str | None] = {}
         files = _own(package)
         self.kernels = {name for name in files if name.startswith(GENERATORS) or self.file(name).holds_kernels}
         self._taken = {origin for name in self.kernels for origin in self.file(name).imports.values()}
@@ -188,6 +191,11 @@ class Code:
 
     def _find(self, module: str, name: str) -> str | None:
         """Return the file of a module of the package, or None for a module of another package."""
+        if (module, name) not in self._found:
+            self._found[module, name] = self._look_for(module, name)
+        return self._found[module, name]
+
+    def _look_for(self, module: str, name: str) -> str | None:
         parts = module.split(".")
         if parts[0] != "orbits":
             return None
@@ -212,7 +220,7 @@ class File:
     def imports(self) -> dict[str, tuple[str, str]]:
         """The module and name of each imported local name, anywhere in the file; for a module, the name is ""."""
         found: dict[str, tuple[str, str]] = {}
-        for node in _at_run_time(self.tree):
+        for node in _statements(self.tree.body):
             if isinstance(node, ast.Import):
                 for alias in node.names:
                     top = alias.name if alias.asname else alias.name.partition(".")[0]
@@ -266,22 +274,29 @@ class File:
 
 def _names(node: ast.AST, context: type = ast.expr_context) -> set[str]:
     """Return the names in a tree except in annotations; with ast.Store, those that it binds."""
-    if isinstance(node, ast.Name):
-        return {node.id} if isinstance(node.ctx, context) else set()
     found: set[str] = set()
-    for field, value in ast.iter_fields(node):
-        if field not in ("annotation", "returns"):
-            for part in value if isinstance(value, list) else [value]:
-                found |= _names(part, context) if isinstance(part, ast.AST) else set()
+    left: list[Any] = [node]
+    while left:
+        part = left.pop()
+        if isinstance(part, list):
+            left += part
+        elif isinstance(part, ast.Name):
+            found |= {part.id} if isinstance(part.ctx, context) else set()
+        elif isinstance(part, ast.AST):
+            left += [getattr(part, name, None) for name in part._fields if name not in ("annotation", "returns")]
     return found
 
 
-def _at_run_time(tree: ast.AST) -> Iterator[ast.AST]:
-    """Walk a tree, skipping code for type checkers only."""
-    for node in ast.iter_child_nodes(tree):
-        if not (isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")):
-            yield node
-            yield from _at_run_time(node)
+def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """Walk the statements of a block and of those within it, skipping code for type checkers only."""
+    for node in body:
+        if isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING"):
+            continue
+        yield node
+        for part in ("body", "orelse", "finalbody"):
+            yield from _statements(getattr(node, part, []))
+        for branch in [*getattr(node, "handlers", []), *getattr(node, "cases", [])]:
+            yield from _statements(branch.body)
 
 
 def _is_frozen(node: ast.stmt) -> bool:

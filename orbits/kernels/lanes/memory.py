@@ -130,9 +130,9 @@ def _store_element(typingctx, array, index, value):
 def get(array, index):
     """Return element `index` of a vector as float64, or row `index` of an (n, 8) array as `Lanes`."""
     if is_contiguous(array, 2):
-        return lambda array, index: load(array, index)
+        return load
     if is_contiguous(array, 1):
-        return lambda array, index: _load_element(array, index)
+        return _load_element
     return None
 
 
@@ -140,9 +140,9 @@ def get(array, index):
 def put(array, index, value):
     """Write float64 to element `index` of a vector, or `Lanes` to row `index` of an (n, 8) array."""
     if is_contiguous(array, 2):
-        return lambda array, index, value: store(array, index, value)
+        return store
     if is_contiguous(array, 1):
-        return lambda array, index, value: _store_element(array, index, value)
+        return _store_element
     return None
 
 

@@ -221,6 +221,22 @@ def follow_row(context, h, steps, way, i):
 
 
 @kernel
+def note_annuli(context, steps):
+    """Note between which distances from the dominant body each massive one is in a block of `steps` steps."""
+    watch = watch_at(context)
+    n, stride, path, annuli, dominant = watch.bodies, watch.stride, watch.path, watch.annuli, watch.dominant
+    for j in range(n):
+        low, high = math.inf, 0.0
+        for k in range(steps + 1):
+            at = 2 * k * stride
+            x, y = path[at + j] - path[at + dominant], path[at + n + j] - path[at + n + dominant]
+            z = path[at + 2 * n + j] - path[at + 2 * n + dominant]
+            distance2 = x * x + y * y + z * z
+            low, high = min(low, distance2), max(high, distance2)
+        annuli[j, NEAR], annuli[j, FAR] = math.sqrt(low), math.sqrt(high)
+
+
+@kernel
 def follow_particles(context, track, h, steps, start, stop):
     """Search for closest approaches of particles start ... start + 7, if below `stop`, whose states are in `track`;
     those whose x is NaN are skipped. Then call the observers of conditions and of collisions, if there are any.

@@ -104,7 +104,10 @@ _ARRAYS = {
     if isinstance(kind, types.Array)
 }
 _LENGTHS = {name: 1 + kind.ndim if isinstance(kind, types.Array) else 1 for name, kind in _KINDS.items()}
-_PLACES = dict(zip(_KINDS, accumulate(_LENGTHS.values(), initial=0), strict=False))
+_FIRST = dict(zip(_KINDS, accumulate(_LENGTHS.values(), initial=0), strict=False))
+_PLACES: dict[str, Any] = {
+    name: slice(at, at + _LENGTHS[name]) if name in _ARRAYS else at for name, at in _FIRST.items()
+}
 WORDS = sum(_LENGTHS.values())
 """Words of 8 bytes in a context."""
 
@@ -135,7 +138,7 @@ class _WatchFields(AttributeTemplate):
 
 @lower_getattr_generic(WatchType)
 def _load_field(cx, builder, watch, value, name):
-    words, kind, place = builder.inttoptr(value, INT64.as_pointer()), _KINDS[name], _PLACES[name]
+    words, kind, place = builder.inttoptr(value, INT64.as_pointer()), _KINDS[name], _FIRST[name]
 
     def word(at):
         return builder.load(builder.gep(words, [INT64(at)]))
@@ -200,7 +203,9 @@ class Contexts:
         self._words = np.zeros((count, WORDS), dtype=np.int64)
         self._numbers = self._words.view(np.float64)
         self._kept: dict[str, Any] = {}
-        self.addresses = [self._words.ctypes.data + 8 * WORDS * k for k in range(count)]
+        self._own: list[tuple[NDArray[np.int64], Any, tuple[int, ...]]] = []  # the places and words of `follow`
+        first = self._words.__array_interface__["data"][0]
+        self.addresses = [first + 8 * WORDS * k for k in range(count)]
 
     def __getstate__(self) -> None:
         """Refuse to be copied or pickled: the addresses would still refer to the arrays of the original."""
@@ -208,42 +213,38 @@ class Contexts:
 
     def enter(self, **values: Any) -> None:
         """Enter values into all contexts. Raises TypeError for an array of the wrong kind."""
-        places: list[int] = []
-        words: list[int] = []
         for name, value in values.items():
-            at = _PLACES[name]
-            if name in _ARRAYS:
-                if self._kept.get(name) is not value:
-                    words += _described(name, value)
-                    places += range(at, at + _LENGTHS[name])
-                    self._kept[name] = value
-            elif _KINDS[name] is types.float64:
-                self._numbers[:, at] = value
-            else:
-                self._words[:, at] = value
-        if places:
-            self._words[:, places] = words
+            place = _PLACES[name]
+            if name not in _ARRAYS:
+                (self._numbers if _KINDS[name] is types.float64 else self._words)[:, place] = value
+            elif self._kept.get(name) is not value:
+                self._words[:, place] = _described(name, value)
+                self._kept[name] = value
 
     def enter_each(self, name: str, arrays: Sequence[NDArray[Any]]) -> None:
         """Enter a separate array into each context."""
-        at = _PLACES[name]
         for row, array in zip(self._words, arrays, strict=True):
-            row[at : at + 1 + array.ndim] = _described(name, array)
+            row[_PLACES[name]] = _described(name, array)
         self._kept[name] = list(arrays)
 
     def follow(self, others: Contexts, own: Sequence[Mapping[str, NDArray[Any]]]) -> None:
         """Copy the last of other contexts into these, one into each, except for arrays of their own."""
+        if self._kept.get("own") is not own:
+            self._own = [
+                (row, _PLACES[name], _described(name, array))
+                for row, arrays in zip(self._words, own, strict=True)
+                for name, array in arrays.items()
+            ]
         self._words[:] = others._words[len(others._words) - len(self._words) :]
-        for row, arrays in zip(self._words, own, strict=True):
-            for name, array in arrays.items():
-                row[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = _described(name, array)
-        self._kept = {**others._kept, "own": own}
+        for row, places, words in self._own:
+            row[places] = words
+        self._kept = {"others": others, "own": own}
 
     def share(self, others: Contexts, own: Sequence[str]) -> None:
         """Copy the first of other contexts into all of these, except for the fields `own`."""
         shared = np.ones(WORDS, dtype=bool)
         for name in own:
-            shared[_PLACES[name] : _PLACES[name] + _LENGTHS[name]] = False
+            shared[_PLACES[name]] = False
         self._words[:, shared] = others._words[0, shared]
         self._kept.update({name: arrays for name, arrays in others._kept.items() if name not in own})
 
@@ -256,4 +257,4 @@ def _described(name: str, array: NDArray[Any]) -> tuple[int, ...]:
             f"{name} must be a contiguous array of {dimensions} dimensions of {expected}, got "
             f"{array.ndim} of {array.dtype}"
         )
-    return array.ctypes.data, *array.shape
+    return array.__array_interface__["data"][0], *array.shape

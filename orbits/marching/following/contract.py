@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 from orbits.kernels.binding import kernel_of
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
-from orbits.kernels.compile.verbs import verb
+from orbits.kernels.compile.verbs import WithoutFirst, verb
 from orbits.kernels.rounds import claim_piece, next_round
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import Method, Model
@@ -91,16 +91,13 @@ def begin(following, own, clock, block):
     compiled = kernel_of(following, "begin")
     if compiled is None:
         return lambda following, own, clock, block: None
-    return lambda following, own, clock, block: compiled(own, clock, block)
+    return WithoutFirst(compiled)
 
 
 @verb
 def march_some(following, own, form, method, model, clock, block, particles, room, first, last):
     """March particles first ... last - 1 through a block."""
-    compiled = kernel_of(following, "march")
-    return lambda following, own, form, method, model, clock, block, particles, room, first, last: compiled(
-        own, form, method, model, clock, block, particles, room, first, last
-    )
+    return WithoutFirst(kernel_of(following, "march"))
 
 
 @verb

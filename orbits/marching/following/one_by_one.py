@@ -15,7 +15,7 @@ import math
 from orbits.kernels.binding import kernel_of
 from orbits.kernels.clocks import step_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.compile.verbs import verb
+from orbits.kernels.compile.verbs import WithoutFirst, verb
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_one, record_particle
@@ -26,10 +26,7 @@ from orbits.kernels.steps import OK
 @verb
 def take_through(way, own, method, model, clock, block, particles, room, k, p, particle):
     """Take particle p through step k of the bodies. Returns (particle, status, evaluations)."""
-    compiled = kernel_of(way, "take_step")
-    return lambda way, own, method, model, clock, block, particles, room, k, p, particle: compiled(
-        own, method, model, clock, block, particles, room, k, p, particle
-    )
+    return WithoutFirst(kernel_of(way, "take_step"))
 
 
 @verb
@@ -38,9 +35,7 @@ def finish(way, own, method, model, p, steps, particle, status, track):
     compiled = kernel_of(way, "finish")
     if compiled is None:
         return lambda way, own, method, model, p, steps, particle, status, track: None
-    return lambda way, own, method, model, p, steps, particle, status, track: compiled(
-        own, method, model, p, steps, particle, status, track
-    )
+    return WithoutFirst(compiled)
 
 
 @kernel(inline=True)

@@ -73,10 +73,11 @@ class ByOwnSteps(Follower):
         super().__init__(form, n, steps, helpers)
         self.following = BY_OWN_STEPS
         self._memories = [OwnMemory(form, coefficients, n, steps) for _ in range(helpers.members)]
+        self._arrays = [memory.arrays for memory in self._memories]
 
     def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         if watcher is not None:
-            watcher.follow_own_steps([memory.arrays for memory in self._memories])
+            watcher.follow_own_steps(self._arrays)
 
     def _own(self, member: int, block: Block, watcher: Observers | None) -> tuple[Room, OwnStepping]:
         room = self._room(member, watcher)

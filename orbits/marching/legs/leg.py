@@ -60,7 +60,7 @@ class Leg(MarchOfSameBodies):
         self.times = problem.clock.step_times(problem.start)
         gm, m = problem.gm[: len(problem.bodies)], len(problem.particles)
         surfaces, followed = problem.surfaces_of_bodies, None
-        if m and problem.integrator.follows_encounters:
+        if m and problem.integrator.in_encounters.follow_particles:
             followed = OwnSteps.of(problem.lagrangian, gm, int(gm.argmax()), surfaces, problem.integrator.least_steps)
         self.stepper = Stepper(problem, self.times, followed, q, v)
         form, loops = self.stepper.form, self.stepper.loops
@@ -91,14 +91,15 @@ class Leg(MarchOfSameBodies):
             problem.integrator.follows_kepler,
             order=problem.integrator.order,
             notes_nearest=form.notes_nearest(3 * len(gm)) and not problem.approaches,
-            whole_path=problem.dense or problem.integrator.follows_meetings,
+            whole_path=problem.dense or problem.integrator.in_encounters.follow_planets,
         )
         self.observers.given = form.held(problem.parameters) == len(gm)
         passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
         self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
         self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
         self.bounds = Bounds()
-        some = encounters, self.losses if m else None, Refusals() if problem.integrator.refuses_meetings else None
+        refusals = Refusals() if problem.integrator.in_encounters.refuse_planets else None
+        some = encounters, self.losses if m else None, refusals
         self.loop = BlockLoop(self, [watcher for watcher in (*some, self.listing, self.bounds) if watcher is not None])
         self.shown = state
 

@@ -54,7 +54,8 @@ class ParticleLosses(LegWatcher):
         self._encountered: Lost | None = None
         self._found: _Found | None = None
         self._deep = np.zeros((0, COLUMNS))
-        self._judges = problem.retire and integrator.retires_in_encounters and not (problem.underway or problem.exact)
+        judges = problem.retire and not (problem.underway or problem.exact)
+        self._judges = judges and integrator.in_encounters.retire_particles
         self._departs = integrator.departures != (None, None)
         self._starts_close = self._close(leg, q) if self._judges else np.zeros(0, dtype=np.intp)
 
@@ -242,6 +243,8 @@ class ParticleLosses(LegWatcher):
     def listed(self, leg: Leg) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
         problem, state = leg.problem, leg.stepper.state
+        if (self.retired.table()[:, 0] == OK).all():
+            return []
         names = [problem.name(body) for body in problem.bodies.tolist()]
         places = leg.way.places(state)
         return retirements(

@@ -89,9 +89,9 @@ class PlanetExcursions(MarchOfSameBodies):
             self._own = Leg(away, q, v, clears)
         except InputError as error:
             raise InputError(
-                "planets='follow' lets all bodies take steps that are chosen one by one in encounters, which is not "
-                f"possible so far with '{problem.lagrangian.name}'. Use planets='warn' or 'refuse', or Gauss(stages=8) "
-                "with dt=..."
+                "where planets are followed, all bodies take steps that are chosen one by one in encounters, which is "
+                f"not possible so far with '{problem.lagrangian.name}'. Use encounters='warn', or 'follow particles', "
+                "or Gauss(stages=8) with dt=..."
             ) from error
         self._rules = leaves.rules = clears.rules = Rules(problem, self._map.observers.dominant)
         fresh = ("memory", "particle_memory", "particle_clock", "clock")
@@ -404,7 +404,7 @@ class PlanetExcursions(MarchOfSameBodies):
         leg.bounds.passes, own.bounds.passes = own.bounds.passes, False
         retired.begin()
         leg.stepper.loops.enter(state, self.clock, retired.block)
-        if self.problem.integrator.retires_in_encounters:
+        if self.problem.integrator.in_encounters.retire_particles:
             there = ~retired.gone()
             there[there] = np.isin(np.flatnonzero(there), self._close_to_planets())
             if there.any():

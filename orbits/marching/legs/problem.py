@@ -97,7 +97,7 @@ class Problem:
     def surfaces_of_bodies(self) -> Array | None:
         """Radii of the massive bodies on which particles that take steps of their own may fall, (massive,), or None."""
         chosen = self.clock.lets_particles_choose and self.retire
-        follows = len(self.particles) > 0 and self.integrator.follows_encounters
+        follows = len(self.particles) > 0 and self.integrator.in_encounters.follow_particles
         if self.surfaces is None or not (chosen or follows):
             return None
         return np.asarray(self.surfaces, dtype=np.float64)[self.bodies]

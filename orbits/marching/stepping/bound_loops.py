@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -273,7 +274,7 @@ class BoundLoops:
         self._now[:], self._count[0] = now, count
         sources = state, coefficients, *self._record, retired, watcher, self._now
         known, records = self._bound_to[watcher is None]
-        if any(a is not b for a, b in zip(sources, known, strict=True)):
+        if not all(map(is_, sources, known)):
             columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
             clocks = state.get("particle_clock", np.zeros((0, COLUMNS)))
             records = (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 from orbits.errors import InputError
 from orbits.forces.base import BoundForce
@@ -29,7 +30,7 @@ def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool 
 
     Raises InputError, naming suitable methods, if there is none.
     """
-    integrator.check(lagrangian, registry())
+    integrator.check(lagrangian, registry)
     form = integrator.form(lagrangian, canonical=canonical)
     if form is None:
         raise InputError(f"{integrator.label} has no canonical form for '{lagrangian.name}'")
@@ -56,7 +57,23 @@ def form_of_bodies(
         return _rigid(integrator, lagrangian, clock, rigid, forces, with_particles=with_particles)
     if isinstance(clock, TimeTransformed):
         return _transformed(integrator, lagrangian, with_particles=with_particles, forces=forces)
-    if clock.changes:
+    if forces or GIVEN in lagrangian.traits:  # whose tables are large, and not to be kept
+        return _of_point_masses(integrator, lagrangian, clock.changes, with_particles, tuple(forces))
+    try:
+        return _known(integrator, lagrangian, clock.changes, with_particles)
+    except TypeError:  # a method of a user that cannot be hashed
+        return _of_point_masses(integrator, lagrangian, clock.changes, with_particles)
+
+
+def _of_point_masses(
+    integrator: Integrator,
+    lagrangian: Lagrangian,
+    changes: bool,
+    with_particles: bool,
+    forces: tuple[BoundForce, ...] = (),
+) -> Form:
+    """Return the form for steps of constant length in time, or that are chosen one by one."""
+    if changes:
         form = _changing(integrator, lagrangian, forces=forces)
     elif (SEPARABLE in lagrangian.traits or integrator.follows_kepler) and not forces:
         form = form_for(integrator, lagrangian)
@@ -65,7 +82,7 @@ def form_of_bodies(
     if with_particles and MASSLESS_PARTICLES not in lagrangian.traits:
         raise InputError(f"'{lagrangian.name}' does not define how massless particles move; give them a small mass.")
     spinning = [force.name for force in forces if len(force.inner)]
-    if with_particles and clock.changes and spinning:
+    if with_particles and changes and spinning:
         raise InputError(
             f"massless particles take steps of their own, in which the internal variables of {spinning[0]}, such as a "
             "spin, are not known: give dt=... a length, or the particles a small mass."
@@ -84,6 +101,9 @@ def form_of_bodies(
             "time"
         )
     return form
+
+
+_known = lru_cache(maxsize=64)(_of_point_masses)
 
 
 def _rigid(

@@ -47,7 +47,7 @@ def refused_meeting(
     one, other = names
     return SingularityError(
         f"step {step + 1} (t = {time:.10g}): {one} passes {other} at {distance:.6g}, within {HILL_RADII:.0f} mutual "
-        f"Hill radii, where {integrator.name} does not follow them; planets='refuse' ends the run there. Go on, or "
+        f"Hill radii, where {integrator.name} does not follow them; encounters='refuse' ends the run there. Go on, or "
         "begin again, by Gauss(stages=8), the default, without dt: steps are then chosen one by one.",
         step=step,
         time=time,

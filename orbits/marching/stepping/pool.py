@@ -143,7 +143,10 @@ class Helpers:
 
     def dismiss(self) -> None:
         """Let the threads leave, and wait until they have."""
-        self._arguments, self._counters[DISMISSED] = (), 1
+        self._arguments = ()
+        if not self._running:
+            return
+        self._counters[DISMISSED] = 1
         wait(self._running.values())
         self._counters[DISMISSED] = 0
         running, self._running = self._running, {}

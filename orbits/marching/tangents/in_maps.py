@@ -38,15 +38,15 @@ def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None
     """Raise InputError, with the reason, if the derivative of a map on Kepler orbits is not known."""
     form_for(integrator, lagrangian)  # which names the terms that the map does not take
     require_hessians(lagrangian)
-    if integrator.follows_meetings:
+    if integrator.in_encounters.follow_planets:
         raise InputError(
             f"the variations of {integrator.label} are not known where all bodies take steps that are chosen one by "
-            "one; use planets='warn', or Gauss(stages=8) without dt."
+            "one; use encounters='warn', or Gauss(stages=8) without dt."
         )
-    if integrator.refuses_meetings or integrator.departures != (None, None):
+    if integrator.in_encounters.refuse_planets or integrator.departures != (None, None):
         raise InputError(
             f"tangent vectors follow all bodies wherever they go, but {integrator.label} asks for an end; leave out "
-            "planets='refuse', ejected_beyond and lost_within."
+            "encounters='refuse', ejected_beyond and lost_within."
         )
 
 

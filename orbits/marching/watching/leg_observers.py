@@ -16,11 +16,11 @@ from orbits.integrators.maps.dominant import DOMINANT
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.nearest import closest_in
 from orbits.kernels.search import collisions
-from orbits.kernels.search.approaches import follow_bodies, follow_particles, search
+from orbits.kernels.search.approaches import follow_bodies, follow_particles, note_annuli, search
 from orbits.kernels.search.apsides import OPEN, apsides_of
 from orbits.kernels.search.context import Contexts
 from orbits.kernels.search.observers import ENTER, SEARCH, observe, observer_address
-from orbits.kernels.search.record import FAR, NEAR, QUANTITIES, REACH, enter_passage, note_end
+from orbits.kernels.search.record import QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.watching import kepler_passages
@@ -258,12 +258,10 @@ class Observers:
         elif not self.given:
             self.follow(h, steps)
         for observer in (self._find_suspect, self._find_touch):
-            observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
+            if observer:
+                observe(observer, self.contexts.addresses[0], _NO_TRACK, h, steps, 0, len(self._massive))
         if len(self._particles) and self.dominant >= 0:
-            n = len(self._massive)
-            positions = self.recorded(steps)[:, 0, : 3 * n].reshape(-1, 3, n)
-            distance = np.sqrt(((positions - positions[:, :, [self.dominant]]) ** 2).sum(axis=1))
-            self._annuli[:, NEAR], self._annuli[:, FAR] = distance.min(axis=0), distance.max(axis=0)
+            note_annuli(self.contexts.addresses[0], steps)
 
     @cached_property
     def own_lists(self) -> list[BlockList]:

@@ -42,7 +42,9 @@ class BlockList(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """What a list had at a time: its passages in the order of time, how many were left out, and those not merged."""
+    """What a list had at a time: its passages in the order of time, how many were left out, and those of the last
+    blocks as kernels listed them.
+    """
 
     passages: Array
     left_out: int
@@ -96,22 +98,24 @@ class PassageList:
         missed = sum(int(listed[1] - listed[0]) for _, listed in blocks)
         for _, listed in blocks:
             listed[:] = 0
-        # The kernel has already chosen among those by the dominant body.
-        slow = np.flatnonzero(~(self._is_central(new) | self._is_fast(new)))
-        if len(slow):
-            new = np.delete(new, slow[self._is_revolution(new[slow])], axis=0)
         passages, left_out, pending = self._known
-        self._known = Kept(passages, _more(left_out, missed), (*pending, new) if len(new) else pending)
-        waiting = self._known.pending
-        if len(waiting) > PENDING_BLOCKS or 2 * sum(map(len, waiting)) > self._room:
+        self._known = Kept(passages, _more(left_out, missed), (*pending, new))
+        if len(pending) >= PENDING_BLOCKS or 2 * sum(map(len, self._known.pending)) > self._room:
             self._merge()
 
     def _merge(self) -> None:
-        """Merge the passages of the last blocks with the list, and leave out those for which there is no room."""
+        """Merge the passages of the last blocks with the list, but for slow revolutions, and leave out those for which
+        there is no room.
+        """
         passages, left_out, pending = self._known
         if not pending:
             return
-        known = kept = np.concatenate([passages, *pending])
+        new = np.concatenate(pending)
+        # The kernel has already chosen among those by the dominant body.
+        listed = self._is_central(new) | self._is_fast(new)
+        if not listed.all():
+            listed[~listed] = ~self._is_revolution(new[~listed])
+        known = kept = np.concatenate([passages, new[listed]])
         if len(known) > self._room:
             revolution = self._is_revolution(known)
             kept = np.concatenate([self._worst(known[kind]) for kind in (revolution, ~revolution)])

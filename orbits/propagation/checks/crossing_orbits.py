@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.elements.least_distance import Ellipses, come_within, least_distance
+from orbits.finding import SHOWN
 from orbits.marching.watching.kepler_passages import HILL_RADII, reach
 from orbits.propagation.checks.step_check import in_digits
+from orbits.system.derived import derived
 
 if TYPE_CHECKING:
     from orbits.integrators.forms import Array
@@ -40,9 +42,11 @@ class Orbits(NamedTuple):
         return Ellipses(a * along, a * np.sqrt(1.0 - e**2)[:, None] * across, e)
 
 
-def orbits_of(system: System, rows: NDArray[np.intp]) -> Orbits:
-    """Return the orbits of bodies about the dominant one."""
+def orbits_of_planets(system: System) -> Orbits:
+    """Return the orbits of the other massive bodies about the dominant one."""
     values, sun = system.values, int(system.values.gm.argmax())
+    rows = system.massive.nonzero()[0]
+    rows = rows[rows != sun]
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], values.gm[rows] + values.gm[sun]
     r, spin = np.linalg.norm(q, axis=1)[:, None], np.cross(q, v)
     to_pericentre = np.cross(v, spin) / mu[:, None] - q / r
@@ -55,10 +59,11 @@ def orbits_of(system: System, rows: NDArray[np.intp]) -> Orbits:
     return Orbits(rows, mu, (spin**2).sum(axis=1) / mu / (1.0 + e), e, along, across)
 
 
-def close_pairs(system: System, orbits: Orbits, most: int) -> tuple[list[str], int]:
-    """Return in words, up to `most`, which planets are or can come within `HILL_RADII` of each other, and how many
+def close_pairs(system: System) -> tuple[list[str], int]:
+    """Return in words, up to `SHOWN`, which planets are or can come within `HILL_RADII` of each other, and how many
     pairs there are.
     """
+    orbits = derived(system, orbits_of_planets)
     values, units, sun = system.values, system.units, int(system.values.gm.argmax())
     first, second = np.triu_indices(len(orbits.row), 1)
     one, other = orbits.row[first], orbits.row[second]
@@ -70,7 +75,7 @@ def close_pairs(system: System, orbits: Orbits, most: int) -> tuple[list[str], i
     share = HILL_RADII * np.cbrt(gm[bound] / (3.0 * dominant))
     crossing[bound] = come_within(orbits.ellipses(first[bound]), orbits.ellipses(second[bound]), share)
     found = np.flatnonzero(close | crossing)
-    shown = found[:most]
+    shown = found[:SHOWN]
     passing = shown[crossing[shown]]
     inner, outer = orbits.ellipses(first[passing]), orbits.ellipses(second[passing])
     gaps = least_distance(inner, outer)[0]

@@ -25,9 +25,10 @@ from orbits.integrators.wisdom_holman import WisdomHolman
 from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
-from orbits.propagation.checks.crossing_orbits import Orbits, close_pairs, orbits_of
+from orbits.propagation.checks.crossing_orbits import Orbits, close_pairs, orbits_of_planets
 from orbits.propagation.checks.step_check import in_digits, rounded_down
 from orbits.results.approach import Approach
+from orbits.system.derived import derived
 
 if TYPE_CHECKING:
     from orbits.results.passages import Seen
@@ -75,16 +76,15 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
     """Find pericentres within `span` that steps of h do not resolve, of planets and of massless particles, and planets
     that come so close to each other, now or at a crossing of their orbits, that the method cannot follow them.
     """
-    planets = np.flatnonzero(system.massive)
-    orbits = orbits_of(system, planets[planets != _dominant(system)])
+    orbits = derived(system, orbits_of_planets)
     units, centre = system.units, system.names[_dominant(system)]
     with np.errstate(divide="ignore"):  # a fall along a line has no pericentre
         angles = abs(h) * np.sqrt(orbits.mu * (1.0 + orbits.e) / orbits.pericentre**3)
     angles = np.where(_ahead(system, orbits, span), angles, 0.0)
     least = integrator.least_steps
     perturbed = len(angles) > 1 or bool(system.terms) or not integrator.exact_for_two
-    follows = integrator.follows_meetings
-    # With planets="follow" an eccentric orbit leaves the map at each pericentre, a round one for good.
+    follows = integrator.in_encounters.follow_planets
+    # Where planets are followed, an eccentric orbit leaves the map at each pericentre, a round one for good.
     left = " All bodies would be away from the map for good." if follows else ""
     fastest = int(angles.argmax()) if len(angles) else None
     perturbed = perturbed and (not follows or (fastest is not None and orbits.e[fastest] < FOR_GOOD))
@@ -101,11 +101,11 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
             StepWarning,
             "pericentre of a planet ahead",
         )
-    if not _is_exact(system) and not system.massive.all() and not integrator.follows_encounters:
+    if not _is_exact(system) and not system.massive.all() and not integrator.in_encounters.follow_particles:
         yield from _particles_too_fast(system, integrator, h, span)
-        if not integrator.retires_in_encounters:
+        if not integrator.in_encounters.retire_particles:
             yield from _particles_near_planets(system, integrator)
-    close, count = ([], 0) if follows else close_pairs(system, orbits, SHOWN)
+    close, count = ([], 0) if follows else derived(system, close_pairs)
     if close:
         yield Finding(
             f"{integrator.label} cannot follow close encounters of massive bodies, and these may have some:",
@@ -126,7 +126,7 @@ def _is_exact(system: System) -> bool:
 def _remedy_for_planets(integrator: Integrator) -> str:
     """Return the advice for massive bodies that the method cannot follow."""
     gauss = "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
-    return f'Let all bodies take steps that are chosen one by one there, with planets="follow"; or use {gauss}'
+    return f'Let all bodies take steps that are chosen one by one there, with encounters="follow"; or use {gauss}'
 
 
 def _particles_too_fast(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
@@ -202,7 +202,7 @@ def encounters(
     """
     gm, massive, found = system.values.gm, system.massive, []
     perturbed = massive.sum() > 2 or bool(system.terms) or not integrator.exact_for_two
-    followed, together = integrator.follows_encounters, integrator.follows_meetings
+    followed, together = integrator.in_encounters.follow_particles, integrator.in_encounters.follow_planets
     for k, passage in enumerate(seen.passages):
         both = bool(massive[passage.body] and massive[passage.other])
         gone = away is not None and away.include(passage.steps)

@@ -13,6 +13,7 @@ from orbits.diagnostics.drift import kinetic_energies, own_scale
 from orbits.errors import InputError, StepWarning, with_unit
 from orbits.finding import Finding
 from orbits.marching.clocks.adaptive import Adaptive
+from orbits.system.derived import derived
 from orbits.system.model import acts_on_massive, depends_on_time
 from orbits.time_grid import MOST_STEPS, TimeGrid, dynamical_time, fastest_passage_of
 
@@ -40,7 +41,7 @@ def check_length(system: System, grid: TimeGrid) -> None:
     """Refuse a run of too many steps, estimated by the dynamical time at its start; warn about one in which rounding
     errors spoil the phase. For clocks whose steps differ.
     """
-    shortest = dynamical_time(system)
+    shortest = derived(system, dynamical_time)
     steps = abs(grid.end) / shortest
     if not (steps > MOST_STEPS or PHASE * steps**1.5 >= LOST):
         return
@@ -66,10 +67,11 @@ def warn_if_far(system: System, span: float) -> None:
     """Warn if the bodies are, or within `span` will be, so far from the origin that rounded positions leave few digits
     of their separations, and with the centre of mass as origin would leave many more.
     """
+    across, out, fastest = derived(system, _extent)
+    if across >= NEARER * (out + abs(span) * fastest):
+        return  # the usual case, quickly
     gm, q, v, softening = system.values
     heaviest = int(gm.argmax())
-    if np.abs(q - q[heaviest]).max() >= NEARER * (np.abs(q).max() + abs(span) * np.abs(v).max()):
-        return  # the usual case, quickly
     with np.errstate(over="ignore", invalid="ignore"):
         centre, speed = diagnostics.centre_of_mass(gm, q), diagnostics.centre_of_mass(gm, v)
         away = max(float(np.abs(x).max()) for x in (centre, centre + span * speed))
@@ -89,6 +91,14 @@ def warn_if_far(system: System, span: float) -> None:
         "that are left.",
         kind="far from the origin",
     ).warn()
+
+
+def _extent(system: System) -> tuple[float, float, float]:
+    """Return the largest coordinate of the bodies relative to the heaviest one, and relative to the origin, and the
+    largest component of their velocities.
+    """
+    gm, q, v, _ = system.values
+    return tuple(float(np.abs(x).max()) for x in (q - q[gm.argmax()], q, v))  # type: ignore[return-value]
 
 
 def energy_lost(run: Trajectory) -> Iterator[Finding]:

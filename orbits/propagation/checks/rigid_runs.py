@@ -21,13 +21,16 @@ if TYPE_CHECKING:
     from orbits.time_grid import TimeGrid
     from orbits.trajectory import Trajectory
 
+USUAL = Gauss()
+"""The method of most runs for which none is given."""
+
 FEWEST = 8
 """Steps in a rotation of a rigid body: fewer do not sample its torques, which repeat twice in a rotation."""
 
 
 def default_method(*systems: System) -> Integrator:
     """Return the method of runs for which none is given: kicks and drifts of order 8 if bodies are rigid."""
-    return Composition(order=8) if any(is_rigid(system) for system in systems) else Gauss()
+    return Composition(order=8) if any(is_rigid(system) for system in systems) else USUAL
 
 
 def is_rigid(system: System) -> bool:

@@ -14,7 +14,6 @@ import numpy as np
 from orbits.archive.storage import human
 from orbits.errors import InputError, shown, with_unit
 from orbits.marching.legs.march import March
-from orbits.plotting.words import fitting_time
 from orbits.propagation.control.wall_clock import seconds_of, wall_time_text
 from orbits.trajectory import Trajectory
 
@@ -112,6 +111,8 @@ class Pulse:
         self._heartbeat.say(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {', '.join(filter(None, parts))}")
 
     def _times(self, reached: float) -> str:
+        from orbits.plotting.words import fitting_time
+
         factor, unit = fitting_time(self._end, self._unit)
         return with_unit(f"{factor * reached:,.6g} of {factor * self._end:,.6g}", unit)
 

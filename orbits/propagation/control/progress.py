@@ -1,4 +1,7 @@
-"""A progress bar with rate and remaining time, on terminals and in notebooks; silent elsewhere."""
+"""A progress bar with rate and remaining time, on terminals and in notebooks; silent elsewhere.
+
+The time in which kernels are compiled is not counted in the rate.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,8 @@ from html import escape
 from typing import Any, Protocol
 
 from orbits.errors import with_unit
+from orbits.kernels.compile.compile_time import compile_time
+from orbits.propagation.control.compiling import words
 
 PATIENCE = 0.5
 """Seconds before a bar appears, so that short runs are silent."""
@@ -39,7 +44,7 @@ class Progress:
             self._make = _Notebook if in_notebook() else _Terminal if sys.stderr.isatty() else None
         self._label, self._total, self._unit, self._steps = label, total, unit, steps
         self._from, self._steps_before = begun
-        self._begun = time.perf_counter()
+        self._begun, self._compiled = time.perf_counter(), compile_time.seconds()
         self._bar: _Bar | None = None
 
     def update(self, done: float, steps: int | None = None) -> None:
@@ -50,21 +55,25 @@ class Progress:
         if self._bar is None:
             if elapsed < PATIENCE:
                 return
-            self._bar = self._make(self._label, abs(self._from / self._total))
+            words.bar = self._bar = self._make(self._label, abs(self._from / self._total))
         fraction = abs(done / self._total)
         taken = abs((done - self._from) / self._total) * self._steps if steps is None else steps - self._steps_before
         at = with_unit(f"{done:,.6g} / {self._total:,.6g}", self._unit)
-        self._bar.show(fraction, at, f"{taken / elapsed:,.0f} steps/s")
+        marched = elapsed - (compile_time.seconds() - self._compiled)
+        self._bar.show(fraction, at, f"{taken / marched:,.0f} steps/s" if marched > 0.0 else "")
 
     def close(self) -> None:
         """Remove the bar."""
         if self._bar is not None:
+            words.bar = None
             self._bar.close()
             self._bar = None
 
 
 class _Bar(Protocol):
     def show(self, fraction: float, at: str, rate: str) -> None: ...
+
+    def say(self, text: str) -> None: ...
 
     def close(self) -> None: ...
 
@@ -96,6 +105,9 @@ class _Terminal:
     def show(self, fraction: float, at: str, rate: str) -> None:
         self._bar.update(self._task, completed=fraction, at=at, rate=rate)
 
+    def say(self, text: str) -> None:
+        self._bar.update(self._task, rate=text)
+
     def close(self) -> None:
         self._bar.stop()
 
@@ -121,6 +133,9 @@ class _Notebook:
         bar = f'<progress value="{fraction:.4f}" max="1" style="width:16em;vertical-align:middle"></progress>'
         html = f"<b>{escape(self._label)}</b> {bar} {escape(text.removeprefix(self._label))}"
         self._handle.update(_mime(html, text), raw=True)
+
+    def say(self, text: str) -> None:
+        self._handle.update(_mime(f"<b>{escape(self._label)}</b> {escape(text)}", f"{self._label}  {text}"), raw=True)
 
     def close(self) -> None:
         self._handle.update(_mime("", ""), raw=True)

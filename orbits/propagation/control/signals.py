@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _signal  # type: ignore[import-not-found]  # `signal` makes enums of numbers and handlers, in 50 microseconds
 import signal
 import threading
 from types import FrameType, TracebackType
@@ -24,15 +25,15 @@ class StopRequest:
     def __enter__(self) -> StopRequest:
         if threading.current_thread() is threading.main_thread():
             # A handler that was not installed from Python reads as None, and could not be restored.
-            caught = [number for number in CAUGHT if signal.getsignal(number) not in (None, signal.SIG_IGN)]
-            self._before = {number: signal.signal(number, self._note) for number in caught}
+            caught = [number for number in CAUGHT if _signal.getsignal(number) not in (None, _signal.SIG_IGN)]
+            self._before = {number: _signal.signal(number, self._note) for number in caught}
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         for number, handler in self._before.items():
-            signal.signal(number, handler)
+            _signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.name and number == signal.SIGINT:

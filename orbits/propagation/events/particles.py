@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, IntegrationError, with_unit
 from orbits.integrators.base import Integrator
+from orbits.integrators.encounters import FOLLOW
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import Place
@@ -154,7 +155,7 @@ class ParticleSearches:
         begun = self._last
         state = begun.q[there], begun.v[there]
         integrator, clock = self._integrator, self._clock
-        if integrator.follows_encounters or integrator.follows_meetings:  # as it is followed there
+        if FOLLOW in integrator.in_encounters:  # as it is followed there
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
         if clock.changes:  # a march then counts its time from its begin

@@ -123,10 +123,10 @@ class Replay:
 
         particles = np.flatnonzero(~run.system.massive)
         q, v, clocks = checkpoint["particle_q"], checkpoint["particle_v"], checkpoint.get("particle_clock")
-        parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.follows_encounters else None
+        parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.in_encounters.follow_particles else None
         names = [run.names[k] for k in np.flatnonzero(run.system.massive)]
         rows = retirements(listed, q, v, particles, clocks, parts, names)
-        if run.integrator.follows_meetings or (run.changes is None and missing(run, rows)):
+        if run.integrator.in_encounters.follow_planets or (run.changes is None and missing(run, rows)):
             from orbits.propagation.marchers import bound, restore
 
             marcher = bound(run.system, run.integrator, run.clock)
@@ -153,8 +153,8 @@ def missing(run: Trajectory, retired: list[Retirement]) -> bool:
     """Return whether massless particles have no place in the last sample of a run, though they are not retired."""
     if not len(run) or run.system.massive.all():
         return False
-    lost = np.isnan(run.q[-1].value).any(axis=1) & ~run.system.massive
-    return bool(set(np.flatnonzero(lost)) - {one.body for one in retired})
+    lost = np.isnan(run._q[-1]).any(axis=1) & ~run.system.massive
+    return bool(set(lost.nonzero()[0]) - {one.body for one in retired})
 
 
 def lost_by_the_end(march: Marching, run: Trajectory) -> list[Retirement]:

@@ -45,7 +45,7 @@ def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -
     grid.clock.check(integrator)
     if integrator.follows_kepler:
         require_map_tangents(integrator, acting.lagrangian)
-        if integrator.follows_encounters and not system.massive.all():
+        if integrator.in_encounters.follow_particles and not system.massive.all():
             raise InputError(
                 f"the variations of {integrator.label} are not known where particles take steps of their own; use "
                 'encounters="warn", or Gauss(stages=8) without dt.'

@@ -13,6 +13,7 @@ from orbits.checks import whole_number
 from orbits.errors import RetiredWarning, StepWarning, counted, with_unit
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
+from orbits.integrators.encounters import WARN
 from orbits.marching.legs.leg import available_threads
 from orbits.marching.tangents.of_particles import ParticleTangents, Passages
 from orbits.marching.watching.kepler_passages import HILL_RADII, near_a_planet
@@ -75,7 +76,8 @@ def passages_of_run(system: System, integrator: Integrator, grid: TimeGrid, thre
     """Return the first passages of massless particles that a map on Kepler orbits cannot follow, from a march in
     which none is retired in encounters.
     """
-    method = replace(integrator, encounters="warn")  # type: ignore[call-arg]
+    instead = integrator.in_encounters._replace(particles=WARN)
+    method = replace(integrator, encounters=str(instead))  # type: ignore[call-arg]
     march = bound(system, method, grid.clock, threads=threads)
     try:
         march.advance_to(grid.place(len(grid) - 1))
@@ -120,7 +122,7 @@ def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, 
     """Write the times of passages, put NaN for what is not known, and warn."""
     names = np.array(system.names, dtype=object)[~system.massive]
     bodies = np.array(system.names, dtype=object)[system.massive]
-    retires = integrator.retires_in_encounters
+    retires = integrator.in_encounters.retire_particles
     if retires:  # those that start too close are retired at once, though most have no passage to be seen by
         inside, planet = _starts_inside(system)
         passages.near[inside], passages.planet[inside] = 0.0, planet

@@ -148,7 +148,7 @@ def matrices(
                 RetiredWarning,
                 "state transition not known",
             ).warn()
-    if integrator.retires_in_encounters and particles:
+    if integrator.in_encounters.retire_particles and particles:
         _forget_retired(system, integrator, grid, out)
     return out.reshape(len(grid), 6 * N, 6 * N), momenta
 
