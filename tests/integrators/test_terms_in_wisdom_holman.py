@@ -68,6 +68,7 @@ def test_the_map_converges_to_the_motion_by_gauss_with_the_same_terms(name, star
     assert one / other == pytest.approx(4.0, rel=0.02)
 
 
+@pytest.mark.nightly
 def test_lazy_kicks_contain_the_second_order_of_oblateness_too():
     start, terms = bodies(), STRONG["oblateness"](0)
     truth = marched(GAUSS, terms, start, 0.01, 600)[0]
@@ -106,6 +107,7 @@ def perihelion(q, v, mu):
     return np.unwrap(np.arctan2(vector @ y, vector @ x))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("massless", [False, True])
 def test_the_perihelion_of_mercury_advances_by_42_98_seconds_of_arc_in_a_century(massless):
     sun = solar("Mercury", "Jupiter")
@@ -139,6 +141,7 @@ def test_a_particle_feels_what_a_planet_of_vanishing_mass_does():
             assert np.abs(one[1] - other[1]).max() < 2e-13
 
 
+@pytest.mark.nightly
 def test_the_whole_energy_and_the_momenta_are_kept_for_a_hundred_thousand_steps():
     names = ["star", *(f"planet {k}" for k in range(3))]
     system = orbits.System(names, *bodies(particles=0), units=orbits.DIMENSIONLESS).barycentric()
@@ -228,6 +231,7 @@ def test_a_run_with_terms_is_resumed_to_the_bit(tmp_path):
     assert np.array_equal(longer.v.value[-1], whole.v.value[-1])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", first(1, [DEFAULT, PLAIN]), ids=["default", "plain"])
 def test_maps_with_terms_are_certified_with_their_particles(method):
     names = ["star", "inner", "outer", "p"]

@@ -278,6 +278,7 @@ def test_the_plain_map_is_that_of_its_discrete_lagrangian():
         assert np.abs((slope[0] - slope[1]) / (2 * tiny) - second @ along).max() < 1e-10  # 7e-13
 
 
+@pytest.mark.nightly
 def test_it_is_certified_on_the_solar_system():
     plain = orbits.certify(orbits.System.solar_system(), PLAIN, 3 * u.day)
     assert plain.ok, plain.table()
