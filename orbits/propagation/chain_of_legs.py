@@ -167,6 +167,7 @@ class ChangingMarch(March):
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place or a collision. Raises what `advance` raises."""
+        self.found = None
         if self._steps_before(place):
             self._march(place)
             return

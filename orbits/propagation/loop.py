@@ -57,7 +57,9 @@ Marching = Generator[Place | None, None, Trajectory]
 """A run that is marched block by block; see `marching`."""
 
 AT_ONCE = 256
-"""The most samples within a step whose states are computed together."""
+"""The most samples ahead of the march whose states are asked for together."""
+
+_NOTHING = np.zeros(0)
 
 
 class Bar(Protocol):
@@ -317,51 +319,73 @@ def _sample(
     """
     watch.begun = time.perf_counter()
     bar, beats = shown
-    known: list[tuple[Array, Array]] = []  # the states at the samples before the next step, the last one first
-    for index, goal in enumerate(grid.goals[first:].tolist(), first):
+    places, events, index = grid.places, watch.events, first
+    alone = bool(particles) or watch.callback is not None  # what looks at each sample in turn
+    singly = 0  # the sample up to which blocks end before each, as a partial step from within one failed
+    while index < len(grid.goals):
         if stop.name:
             return False
-        place = grid.place(index)
-        while not known and marcher.is_before(place):
-            yield place
+        if marcher.is_before(places.at(index)):
+            each = alone or not marcher.shows_blocks or index < singly
+            last = index + 1 if each else min(index + max(store.room, 1), len(grid.goals))
+            yield places.at(last - 1)
+            failure: IntegrationError | None = None
             try:
-                marcher.approach(place)
-            except IntegrationError:
-                watch.after(marcher)  # the steps before the one that failed
-                raise
-            found = watch.after(marcher)
+                marcher.approach(places.at(last - 1))
+            except IntegrationError as error:
+                failure = error
+            passed = 0 if each else marcher.passed(places.between(index, min(last, len(grid))))
+            q = v = _NOTHING
+            if passed:
+                try:
+                    q, v = marcher.states_in_block(places.between(index, index + passed))
+                except IntegrationError:
+                    singly = last
+                    continue
+            step = marcher.step
+            found = watch.after(marcher)  # with a failure, in the steps before it
+            if found is not None:
+                early = (grid.times[index : index + passed] - found.time) * grid.direction < 0.0
+                passed = int(np.count_nonzero(early))
+            elif marcher.step != step:
+                passed = min(passed, marcher.passed(places.between(index, index + passed)))
+            if passed:
+                store.add(q[:passed], v[:passed], marcher.accounts())
+                index += passed
             bar.update(marcher.time, marcher.step)
             beats.beat_if_due()
+            if failure is not None and found is None:
+                raise failure
             if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
                 return False
-            if store.overdue:
+            if store.full and index < len(grid.goals):  # the last one is committed with the end of the run
                 store.commit(marcher)
-        while watch.events.interrupts:  # those between the last step and the sample
+            continue
+        goal = float(grid.goals[index])
+        while events.interrupts:  # those between the last step and the sample
             found = watch.ahead(marcher, goal)
             if watch.interrupted(system, marcher, found):
                 return False
             if found is None:
                 break
-        if index == len(grid) and not particles and watch.events.stops is None:
+        if index == len(grid) and not particles and events.stops is None:
             break
-        if not known and marcher.clock.changes:
-            known = marcher.states_before_next(grid.goals[index : index + AT_ONCE])[::-1]
-        state = known.pop() if known else marcher.state_at(place)
-        accounts = marcher.accounts()
-        if watch.interrupted(system, marcher, watch.at_a_bound(marcher, Sample(goal, *state))):
-            return False
-        if particles.reach(Sample(goal, *state)):
+        single = alone or bool(events.interrupts) or events.stops is not None
+        most = 1 if single else min(store.room, AT_ONCE, len(grid) - index)
+        q, v = marcher.states_ahead(places.between(index, index + most))
+        sample, accounts = Sample(goal, q[0], v[0]), marcher.accounts()
+        if watch.interrupted(system, marcher, watch.at_a_bound(marcher, sample)) or particles.reach(sample):
             return False
         if index == len(grid):
             break
-        store.note(accounts)
-        store.add(*state)
+        store.add(q, v, accounts)
+        index += len(q)
         if watch.callback is not None:
-            there = moved_on(system, marcher, goal, *state)
+            there = moved_on(system, marcher, *sample)
             if asks_to_stop(watch.callback, u.Quantity(goal, system.units.time), there):
-                watch.note(system, marcher, goal, state, "the callback ended the run", None)
+                watch.note(system, marcher, goal, sample[1:], "the callback ended the run", None)
                 return False
-        if store.full and index + 1 < len(grid.goals):  # the last one is committed with the end of the run
+        if store.full and index < len(grid.goals):
             store.commit(marcher)
     while (found := watch.events.before(marcher.current, grid.end, record=True)) is not None:
         if watch.interrupted(system, marcher, found):

@@ -14,7 +14,7 @@ from orbits.checks import single_number
 from orbits.errors import InputError, shown, with_unit
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps, clock_of
-from orbits.marching.clocks.step_times import Place
+from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.time_grid.reading import is_date, snapped, times_since
@@ -139,16 +139,21 @@ class TimeGrid:
     @property
     def steps(self) -> NDArray[np.int64]:
         """The whole steps before each goal, (goals,)."""
-        return self._places[0]
+        return self.places.steps
 
     @property
     def remainders(self) -> Array:
         """The exact time from there to each goal, (goals,): less than a step, with the sign of h."""
-        return self._places[1]
+        return self.places.rests
 
     def place(self, goal: int) -> Place:
         """Return the place of a goal in a march."""
-        return Place(int(self.steps[goal]), float(self.remainders[goal]))
+        return self.places.at(goal)
+
+    @cached_property
+    def places(self) -> Places:
+        """The places of the goals in a march."""
+        return self.clock.places(self.goals)
 
     def __len__(self) -> int:
         """Return the number of samples."""
@@ -199,10 +204,6 @@ class TimeGrid:
         else:
             more = np.append(more, target)
         return TimeGrid(self.clock, np.concatenate([times, more]))
-
-    @cached_property
-    def _places(self) -> tuple[NDArray[np.int64], Array]:
-        return self.clock.places(self.goals)
 
 
 def _length(system: State, duration: Any, until: Any) -> float:

@@ -301,6 +301,16 @@ def test_conditions_are_looked_at_up_to_the_end_of_the_run():
     assert propagate(start, 1.0, stop=orbits.events.CloserThan(1.0, "b0", "b1")).stopped is None
 
 
+@pytest.mark.parametrize(("end", "ends_early"), [(25.3, False), (25.4, True)])
+def test_the_energy_is_compared_with_that_at_the_start_up_to_the_end_of_the_run(end, ends_early):
+    """Both ends are in a step in which the energy error grows from 5.1e-9 over 5.3e-9 and 6.6e-9 to 8.0e-9: less than
+    the bound above that at its beginning.
+    """
+    clock, stop = orbits.Adaptive(tolerance=1e-4), orbits.events.EnergyErrorAbove(6e-9)
+    run = propagate(system(*three_bodies()), end, dt=clock, samples=2, stop=stop)
+    assert (run.stopped is not None) == ends_early
+
+
 def test_a_callback_ends_a_run_at_its_sample():
     run = propagate(system(*three_bodies()), 20.0, samples=21, callback=lambda t, state: t.value >= 10)
     assert run.stopped.time.value == run.times[-1] == 10.0
@@ -317,13 +327,14 @@ def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
     assert len(calls) <= 2 * marcher.step + 2
 
 
-def test_a_short_run_is_bound_once_and_marches_its_steps_in_one_block(monkeypatch):
+@pytest.mark.parametrize("samples", [2, 101])
+def test_a_short_run_is_bound_once_and_marches_its_steps_in_one_block(samples, monkeypatch):
     """A call of a millisecond, as in a fit: nothing is made or marched twice for its start, its end or its record."""
     made, blocks = [], []
     make, block = Leg.__init__, BlockLoop.one_block
     monkeypatch.setattr(Leg, "__init__", lambda self, *a, **k: made.append(1) or make(self, *a, **k))
     monkeypatch.setattr(BlockLoop, "one_block", lambda self, *a: blocks.append(1) or block(self, *a))
-    run = propagate(orbits.System.solar_system(), 1 * u.yr, samples=2)
+    run = propagate(orbits.System.solar_system(), 1 * u.yr, samples=samples)
     # The second block is the part of a step up to the end, for the record of close approaches.
     assert (len(made), len(blocks)) == (1, 2)
     assert run.statistics.steps > 50

@@ -21,7 +21,7 @@ from orbits.integrators.forms import Array
 from orbits.kernels.binding import Tag
 from orbits.kernels.clocks import CONSTANT_STEPS, LENGTH
 from orbits.kernels.dense import times_reached
-from orbits.marching.clocks.step_times import Part, Place, StepTimes, Way
+from orbits.marching.clocks.step_times import Behind, Part, Place, Places, StepTimes, Way
 
 STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
@@ -99,8 +99,8 @@ class Clock:
         """Return the time, since the start of the run, of a reading or of an array of them."""
         raise NotImplementedError
 
-    def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:
-        """Return the places of times in a march: whole steps (n,) and rests (n,); see `Place`."""
+    def places(self, times: ArrayLike) -> Places:
+        """Return the places of times in a march."""
         raise NotImplementedError
 
     def place(self, time: float | Fraction) -> Place:
@@ -152,13 +152,13 @@ class ConstantSteps(Clock):
         """Return the duration of a number of steps, which may be fractional or an array."""
         return reading * self.h
 
-    def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:
+    def places(self, times: ArrayLike) -> Places:
         """Return (k, r) with times = k h + r exactly: k >= 0 whole steps, and a rest shorter than a step with the sign
         of h.
         """
         rest = np.fmod(times, self.h)
         steps = np.rint((times - rest) / self.h).astype(np.int64)
-        return steps, rest
+        return Places(steps, rest)
 
     def place(self, time: float | Fraction) -> Place:
         """Return the place of a time, with the rest rounded once; of an exact time, the exact number of steps."""
@@ -259,6 +259,24 @@ class GridTimes(StepTimes):
     def part(self, place: Place) -> Part:
         """Return one step of the rest: a partial step."""
         return Part(ConstantSteps(place.rest), 1, True)
+
+    def passed(self, places: Places) -> int:
+        """Return how many of these places do not lie ahead."""
+        before, now = np.searchsorted(places.steps, [self.step, self.step + 1])
+        return int(before + (before < now and places.rests[before] == 0.0))
+
+    def behind(self, places: Places) -> Behind:
+        """Return where places in the last block lie behind the beginnings of its steps."""
+        return self._behind(places, self.step - self._count)
+
+    def _behind(self, places: Places, first: int) -> Behind:
+        begun = self.start + np.asarray(self.clock.time(places.steps.astype(np.float64)))
+        return Behind(places.steps - first, begun, places.rests)
+
+    def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
+        """Return the state of the leg, and where the places before its next step lie behind it."""
+        count = int(np.searchsorted(places.steps, self.step + 1))
+        return leg.stepper.state, self._behind(places.between(0, count), self.step)
 
     def way(self, time: float) -> Way:
         """Return one step to that time."""

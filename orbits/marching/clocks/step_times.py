@@ -27,6 +27,21 @@ class Place(NamedTuple):
     rest: float
 
 
+class Places(NamedTuple):
+    """The places of ascending times: whole steps (n,), and remaining times (n,); see `Place`."""
+
+    steps: NDArray[np.int64]
+    rests: Array
+
+    def at(self, k: int) -> Place:
+        """Return one of them."""
+        return Place(int(self.steps[k]), float(self.rests[k]))
+
+    def between(self, first: int, last: int) -> Places:
+        """Return those from one up to, and without, another one."""
+        return Places(self.steps[first:last], self.rests[first:last])
+
+
 class StepTimes:
     """When the steps of one leg are: all that its loop has to know of its clock.
 
@@ -136,11 +151,19 @@ class StepTimes:
     def aim_exactly(self, copy: Mapping[str, Array], place: Place) -> None:
         """Let the last step of a copy of the state end at a place, where the clock of the leg goes on."""
 
-    def before_next(self, times: Array) -> int:
-        """Return how many of these ascending times, the first of which is ahead, lie before the next step, if copies
-        can be marched to each at once.
+    def passed(self, places: Places) -> int:
+        """Return how many of these places do not lie ahead."""
+        raise NotImplementedError
+
+    def behind(self, places: Places) -> Behind:
+        """Return where places in the last block lie behind the beginnings of its steps."""
+        raise NotImplementedError
+
+    def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
+        """Return a state at the beginning of a step, and where those of these places lie behind it that lie in this
+        step: the next step of a leg in which there are any. Raises an IntegrationError if it cannot be taken.
         """
-        return 0
+        raise NotImplementedError
 
     def way(self, time: float) -> Way:
         """Return how another leg gets from here to a time less than a step ahead, where it ends."""
@@ -156,6 +179,16 @@ class StepTimes:
     def reading_in_part(self, reading: Any, time: float) -> Any:
         """Return the reading of this clock for one of a leg that covers the part of a step up to a time."""
         raise NotImplementedError
+
+
+class Behind(NamedTuple):
+    """Where places lie behind the beginnings of steps: the steps, counted from 0; the times at which these begin, as
+    terms and forces see them; and the times from there to the places, all (n,).
+    """
+
+    steps: NDArray[np.int64]
+    begun: Array
+    parts: Array
 
 
 class Part(NamedTuple):

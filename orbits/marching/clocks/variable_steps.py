@@ -20,7 +20,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Part, Place, StepTimes, Way
+from orbits.marching.clocks.step_times import Behind, Part, Place, Places, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10
 """The state of such a clock: the time reached, in doubled precision; the last step; the direction 1 or -1; the time
@@ -138,10 +138,10 @@ class ChangingSteps(Clock):
         """Return the place of a time: no whole steps, as they are not known beforehand."""
         return Place(0, float(time))
 
-    def places(self, times: ArrayLike) -> tuple[NDArray[np.int64], Array]:
+    def places(self, times: ArrayLike) -> Places:
         """Return the places of times: no whole steps, and the times."""
         rest = np.asarray(times, dtype=np.float64)
-        return np.zeros(rest.shape, dtype=np.int64), rest
+        return Places(np.zeros(rest.shape, dtype=np.int64), rest)
 
 
 class ChosenTimes(StepTimes):
@@ -254,10 +254,40 @@ class ChosenTimes(StepTimes):
         """Let the last step of a copy of the state end at a place."""
         copy["clock"][[LIMIT, EXACT]] = place.rest, 1.0
 
-    def before_next(self, times: Array) -> int:
-        """Return how many of these ascending times lie before the end of the step that was refused by the limit."""
-        beyond = (times[1:] - self._now[NEXT]) * self.clock.direction >= 0.0
-        return 1 + (int(beyond.argmax()) if beyond.any() else len(beyond))
+    def passed(self, places: Places) -> int:
+        """Return how many of these times do not lie ahead."""
+        direction = self.clock.direction
+        return int(np.searchsorted(places.rests * direction, self.time * direction, side="right"))
+
+    def behind(self, places: Places) -> Behind:
+        """Return where times in the last block lie behind the beginnings of its steps."""
+        return self._behind(places, self.pairs())
+
+    def _behind(self, places: Places, ends: Array) -> Behind:
+        times, direction = places.rests, self.clock.direction
+        steps = np.searchsorted(ends[:, 0] * direction, times * direction, side="right") - 1
+        begun, begun_lo = ends[steps].T
+        return Behind(steps, self.start + begun, np.where(times == begun, 0.0, (times - begun) - begun_lo))
+
+    def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
+        """Return the state at the beginning of the first step, beyond the whole steps taken, in which there are some of
+        these times; it is the step that is taken without them, whatever they are.
+        """
+        copy, direction, counts = leg.stepper.copied(), self.clock.direction, leg.stepper.counts()
+        now, count = copy["clock"], 0
+        now[LIMIT] = direction * FARTHEST
+        begun, ends = {}, np.zeros((1, 2))
+        try:
+            while not count:
+                begun, ends = {name: copy[name].copy() for name in "qv"}, now[[TIME, TIME_LO]][None]
+                if places.rests[0] == ends[0, 0]:
+                    break
+                leg.loop.march_copy(copy, self.clock, 1)
+                # The next step of a body alone may be longer than all times; it ends there without being taken.
+                count = int(np.searchsorted(places.rests * direction, now[NEXT] * direction))
+        finally:
+            leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
+        return begun, self._behind(places.between(0, max(count, 1)), ends)
 
     def way(self, time: float) -> Way:
         """Return the steps of the clock, which goes on."""

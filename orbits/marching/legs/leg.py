@@ -21,7 +21,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import Clock, clock_of
-from orbits.marching.clocks.step_times import Place
+from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.excursion_rules import OwnSteps
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
@@ -32,6 +32,7 @@ from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, record
+from orbits.marching.legs.samples import samples_of
 from orbits.marching.legs.stepper import State, Stepper
 from orbits.marching.legs.ways import way_of
 from orbits.marching.stepping.motion import Motion
@@ -51,7 +52,7 @@ class Leg(MarchOfSameBodies):
     q, v : (n, 3) float64, the initial state in the order of the caller
     encounters : the watcher for encounters of massive bodies at which all of them leave, or None
 
-    stepper, times, observers, listing, losses, bounds : its parts
+    stepper, times, observers, listing, losses, bounds, samples : its parts
     block : the most steps of a block
     """
 
@@ -102,6 +103,7 @@ class Leg(MarchOfSameBodies):
         some = encounters, self.losses if m else None, refusals
         self.loop = BlockLoop(self, [watcher for watcher in (*some, self.listing, self.bounds) if watcher is not None])
         self.shown = state
+        self.samples = samples_of(self)
 
     @classmethod
     def of(
@@ -203,8 +205,9 @@ class Leg(MarchOfSameBodies):
         return self.stepper.as_seen(self.losses.retired.block, particles)
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return (q, v) at a place up to which the leg has advanced; see `within_step.state_at`."""
-        return within_step.state_at(self, place)
+        """Return (q, v) at a place up to which the leg has advanced; see `orbits.marching.legs.samples`."""
+        q, v = self.samples.ahead(self, Places(np.array([place.steps]), np.array([place.rest])))
+        return q[0], v[0]
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) at a time less than a step ahead."""
@@ -222,9 +225,22 @@ class Leg(MarchOfSameBodies):
         """Return a leg of the massive bodies that ends at a time less than a step ahead; see `within_step.towards`."""
         return within_step.towards(self, time)
 
-    def states_before_next(self, times: Array) -> list[tuple[Array, Array]]:
-        """Return (q, v) at the first of these times, and at others before the next step; see `within_step`."""
-        return within_step.states_before_next(self, times)
+    @property
+    def shows_blocks(self) -> bool:  # type: ignore[override]
+        """Whether states within a block are known after it."""
+        return self.samples.known_in_block
+
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched."""
+        return self.times.passed(places) if self.shows_blocks else 0
+
+    def states_in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched."""
+        return self.samples.in_block(self, places)
+
+    def states_ahead(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the leg has advanced."""
+        return self.samples.ahead(self, places)
 
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a leg with `dense`."""

@@ -43,22 +43,6 @@ def state_at(leg: Leg, place: Place) -> States:
     return stepper.gather(copy, retired.gone())
 
 
-def states_before_next(leg: Leg, times: Array) -> list[States]:
-    """Return (q, v) at the first of these ascending times, up to which a leg has advanced, and at those of the others
-    that lie before its next step: the states of `state_at`. Raises what it raises, for the first time.
-    """
-    place, stepper = leg.clock.place(float(times[0])), leg.stepper
-    whole = not len(leg.problem.particles) and not leg.problem.forces  # no more than the states of bodies is asked for
-    count = leg.times.before_next(times) if whole and len(times) > 1 and not leg.times.is_at(place) else 0
-    if count:
-        bound = stepper.loops.bound(leg.clock, stepper.state["clock"])
-        found = stepper.loops.march_to_each(stepper.state, bound, times[:count])
-        if len(found):
-            gone = leg.losses.retired.gone()
-            return [tuple(stepper.in_order(x, x, gone) for x in state) for state in found]  # type: ignore[misc]
-    return [state_at(leg, place)]
-
-
 def ended_at(leg: Leg, time: float) -> Leg:
     """Return a leg that has marched on from here to end exactly at a time less than a step ahead, with all that looks
     at it. Of constant steps, it is a partial step from here, and its readings and its record are of that alone.

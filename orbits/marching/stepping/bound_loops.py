@@ -111,7 +111,6 @@ class BoundLoops:
         self._reads_path = self._follower is not None and self._follower.reads_path
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
-        self._copies: tuple[Array, ...] | None = None
         self._begun = aligned(self.state["memory"].shape)[0]
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
@@ -237,21 +236,6 @@ class BoundLoops:
     def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         return *self.bound(clock, self.times)[:4], clock.h, *vectors, self._scratch, self._stages
-
-    def march_to_each(self, state: dict[str, Array], bound: tuple[Any, ...], limits: Array) -> Array:
-        """March copies of the state of massive bodies to each of these times, by steps that the clock chooses.
-
-        Returns q and v at those before the first that cannot be reached, (m, 2, 3 n).
-        """
-        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        if self._copies is None:
-            copies = aligned((4, len(state["q"])), state["memory"].shape)
-            self._copies = np.zeros(len(state["clock"])), *copies
-        out = np.empty((len(limits), 2, 3 * self._n))
-        reached, _ = driver.march_to_each(
-            *bound, *vectors, self._scratch, self._stages, limits, variable_steps.LIMIT, *self._copies, out
-        )
-        return out[:reached]
 
     def march_particles(
         self,

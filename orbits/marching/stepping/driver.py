@@ -17,7 +17,6 @@ from orbits.kernels.state import (
     all_finite,
 )
 from orbits.kernels.steps import (
-    BEYOND,
     NOT_FINITE,
     OK,
     Method,
@@ -132,44 +131,6 @@ def leave_each(form, coefficients, tag, parameters, h, begun, carries, room, car
         leave(method, model, h, state, storage)
         for k in range(size):
             path[step, 0, k], path[step, 1, k] = room[0, k], room[2, k]
-
-
-@kernel
-def march_to_each(
-    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
-    limits, limit, own_numbers, own, own_carry, out
-):  # fmt: skip
-    """March from one state up to each of several times, in steps that a clock chooses, on a copy.
-
-    limits : (m,), the times; limit : the index of the time limit in the state of the clock, whose next number is set to
-        1: the last step ends there
-    own_numbers, own, own_carry : workspace like `numbers`, (4, padded) for the state, and like `carry`
-    out : (m, 2, size), receives q and p at each
-    The other arguments are those of `march`; the state does not change.
-
-    Returns (number of times reached, status of the step that failed).
-    """
-    method, model, size = Method(form, coefficients), Model(tag, parameters), dimension(tag, parameters)
-    clock, share = Clock(timing, own_numbers, room), Share(0, size, None)
-    state, storage = State(own[0], own[1], own[2], own[3]), Storage(own_carry, scratch, stages[0], share)
-    for i in range(len(limits)):
-        for k in range(q.shape[0]):
-            own[0, k], own[1, k], own[2, k], own[3, k] = q[k], q_lo[k], p[k], p_lo[k]
-        for row in range(carry.shape[0]):
-            for k in range(carry.shape[1]):
-                own_carry[row, k] = carry[row, k]
-        for k in range(len(numbers)):
-            own_numbers[k] = numbers[k]
-        own_numbers[limit], own_numbers[limit + 1] = limits[i], 1.0
-        begin(method, model, numbers[0], 0.0, state, storage)
-        status = OK
-        while status == OK:
-            status, _, _ = take_step(clock, method, model, 0, state, storage)
-        if status != BEYOND:
-            return i, status
-        for k in range(size):
-            out[i, 0, k], out[i, 1, k] = own[0, k], own[2, k]
-    return len(limits), OK
 
 
 @kernel

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.integrators.forms import Array, Form, padded
+from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.dense import partial_steps
 from orbits.kernels.lanes import WIDTH
@@ -30,7 +30,8 @@ class PartialSteps:
         self._form, self._tag, self._vectors, self._failure = form, tag, vectors, failure
         self.size = 3 * n
         self._stretches = "stretch" in form.own_kernels()
-        self.unit, self._own = form.coefficients(1.0, 1.0), form.coefficients(1.0, 1.0)
+        self.unit = coefficients_of(form, 1.0)
+        self._own = form.coefficients(1.0, 1.0) if self._stretches else self.unit
         shapes = (4, padded(self.size)), (form.carry_rows(self.size), WIDTH), form.scratch_shape(self.size)
         self.weights: dict[bytes, tuple[Array, Array]] = {}
         self._room = aligned(*shapes, form.stages_shape(self.size))

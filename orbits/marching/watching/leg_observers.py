@@ -109,6 +109,7 @@ class Observers:
 
     contexts, lists : of the massive bodies, then of each task
     sees_path : whether all states of the next block are to be recorded
+    records_all : whether all states of all blocks are
     given : whether the motion of all massive bodies is given: approaches among these are not looked for
     energy : at the start, of which the bound is a fraction
     """
@@ -180,8 +181,7 @@ class Observers:
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
         observed = len(self._stops) or energy_bound is not None or self._collide or whole_path
-        self._screens = notes_nearest and not observed
-        self.sees_path = not self._screens
+        self.records_all = self.sees_path = bool(observed) or not notes_nearest
         self._energy_bound, self.energy = energy_bound, 0.0
         if energy_bound is not None:
             self._set_state(0, q, v)
@@ -242,7 +242,7 @@ class Observers:
         """Return whether planets may have passed each other in the block just marched, so that all its states have to
         be seen: from now on, until they may not; room : the scratch of the march
         """
-        if not self._screens:
+        if self.records_all:
             return False
         seen, self.sees_path = self.sees_path, not closest_in(room) <= 1.0
         return self.sees_path and not seen

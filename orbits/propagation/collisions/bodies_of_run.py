@@ -12,6 +12,7 @@ from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks import variable_steps as clocks
 from orbits.marching.clocks.constant import Clock
+from orbits.marching.legs import within_step
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.propagation.collisions.of_a_run import Collisions
 from orbits.propagation.marchers import bound
@@ -123,4 +124,4 @@ class BodiesOfRun:
 
 def state_in_step(start: Legs, time: float) -> tuple[Array, Array]:
     """Return (q, v) at a time in the step that begins where a march is."""
-    return start.state_at(start.home.times.place_of(time))
+    return within_step.state_at(start.home, start.home.times.place_of(time))

@@ -77,12 +77,13 @@ class Walk:
                 self.to(step)
                 q[k], v[k] = self._state()
             return q[rows], v[rows]
-        times, k = self._clock.direction * places - self._begun, 0
-        while k < len(times):
-            self.marcher.advance_to(Place(0, times[k]))
-            for state in self.marcher.states_before_next(times[k:]):
-                q[k], v[k] = state
-                k += 1
+        ahead, k = self._clock.places(self._clock.direction * places - self._begun), 0
+        while k < len(places):
+            self.marcher.advance_to(ahead.at(k))
+            some = self.marcher.states_ahead(ahead.between(k, len(places)))
+            done = k + len(some[0])
+            q[k:done], v[k:done] = some
+            k = done
         return q[rows], v[rows]
 
     def chooses(self, step: float) -> bool:

@@ -110,15 +110,20 @@ class SampleStore:
         pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
         return time.perf_counter() - self._committed_at > pause
 
-    def note(self, accounts: Array) -> None:
-        """Store the time integrals of the forces up to the next sample, and their internal variables there."""
-        self._accounts[self._next] = accounts
+    @property
+    def room(self) -> int:
+        """The most samples that can be added before a commit."""
+        return len(self._q) - self._count
 
-    def add(self, q: Array, v: Array) -> None:
-        """Add a sample."""
-        self._q[self._count], self._v[self._count] = q, v
-        self._count += 1
-        self._next += 1
+    def add(self, q: Array, v: Array, accounts: Array) -> None:
+        """Add samples: q and v, each (m, n, 3), and the time integrals of the forces up to them, and their internal
+        variables there.
+        """
+        count = len(q)
+        self._accounts[self._next : self._next + count] = accounts
+        self._q[self._count : self._count + count], self._v[self._count : self._count + count] = q, v
+        self._count += count
+        self._next += count
 
     def commit(self, marcher: Resumable) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""

@@ -1,0 +1,108 @@
+"""Samples end no block: their states come from the steps that the run takes anyway, and nothing changes by a bit."""
+
+import numpy as np
+import pytest
+from astropy import units as u
+
+import orbits
+from orbits.marching.legs.block_loop import BlockLoop
+from orbits.marching.stepping.partial_steps import PartialSteps
+
+GAUSS = orbits.Gauss(stages=8)
+CLOCKS = {"chosen steps": None, "constant steps": 5 * u.day, "backwards": 5 * u.day}
+
+
+def planets() -> orbits.System:
+    return orbits.System.from_elements(
+        {
+            "Sun": {"mass": 1 * u.M_sun},
+            "a": {"a": 1 * u.au, "e": 0.3, "M": 0.4 * u.rad, "mass": 1e-4 * u.M_sun},
+            "b": {"a": 2.2 * u.au, "e": 0.2, "M": 1 * u.rad, "mass": 1e-5 * u.M_sun},
+        }
+    )
+
+
+def run_of(clock: str, samples, **options):
+    sign = -1 if clock == "backwards" else 1
+    return orbits.propagate(
+        planets(), GAUSS, dt=CLOCKS[clock], duration=sign * 302.5 * u.day, samples=samples, **options
+    )
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_samples_end_no_block_and_their_states_take_one_call_for_each(clock, monkeypatch):
+    calls = {"blocks": 0, "partial": 0}
+
+    def counting(owner, name, what):
+        function = getattr(owner, name)
+
+        def counted(*given):
+            calls[what] += 1
+            return function(*given)
+
+        monkeypatch.setattr(owner, name, counted)
+
+    run_of(clock, 2)  # what is looked at once for each system is known after that
+    counting(BlockLoop, "one_block", "blocks")
+    counting(PartialSteps, "take", "partial")
+    run_of(clock, 2)
+    few = dict(calls)
+    run = run_of(clock, 700)
+    # Those in the first of constant steps, in the block, and behind the last whole step.
+    assert calls["blocks"] - few["blocks"] == few["blocks"]
+    assert calls["partial"] - few["partial"] <= 3
+    assert len(run) == 700
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_samples_together_are_those_that_are_looked_at_one_by_one(clock, tmp_path):
+    together = run_of(clock, 700)
+    for other in (
+        run_of(clock, 700, callback=lambda t, state: None),
+        run_of(clock, 700, archive=tmp_path / "run.h5", dense=True),
+        run_of(clock, together.times[[3, 4, 300, 699]]),
+    ):
+        rows = np.searchsorted(together.times * together.clock.direction, other.times * together.clock.direction)
+        assert np.array_equal(other.q, together.q[rows])
+        assert np.array_equal(other.v, together.v[rows])
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+def test_a_run_that_is_extended_has_the_samples_of_a_whole_one(clock, tmp_path):
+    """The end of the first part lies within a step, which the whole run takes before the sample is known."""
+    whole = run_of(clock, 700)
+    sign, half = whole.clock.direction, float(whole.times[333])
+    first = orbits.propagate(
+        planets(),
+        GAUSS,
+        dt=CLOCKS[clock],
+        duration=half * u.day,
+        samples=whole.times[:334],
+        archive=tmp_path / "run.h5",
+    )
+    assert np.array_equal(first.q, whole.q[:334])
+    resumed = orbits.resume(tmp_path / "run.h5", until=sign * 302.5)
+    assert np.array_equal(resumed.q[-1], whole.q[-1])
+
+
+def test_samples_before_a_step_that_cannot_be_taken_are_kept():
+    fall = orbits.System(["a", "b"], [1.0, 1.0], [[-1, 0, 0], [1, 0, 0]], np.zeros((2, 3)), units=orbits.DIMENSIONLESS)
+    kept = []
+    for callback in (None, lambda t, state: None):
+        with pytest.raises(orbits.errors.IntegrationError) as failed:
+            orbits.propagate(fall, GAUSS, dt=0.1, duration=20, samples=4001, callback=callback, check_step=False)
+        kept.append(failed.value.trajectory)
+    together, one_by_one = kept
+    # One by one, those in the step that fails are asked for before it is taken.
+    assert 0 < len(together) <= len(one_by_one) <= len(together) + 20
+    assert np.array_equal(together.q, one_by_one.q[: len(together)])
+
+
+def test_samples_end_with_the_event_that_ends_the_run():
+    stop = orbits.events.Apocentre("a", then="stop")
+    together = run_of("chosen steps", 700, events=[stop])
+    one_by_one = run_of("chosen steps", 700, events=[stop], callback=lambda t, state: None)
+    assert together.stopped.time == one_by_one.stopped.time
+    assert 100 < len(together) == len(one_by_one)
+    assert np.array_equal(together.q, one_by_one.q)
+    assert together.times[-1] < together.stopped.time.value
