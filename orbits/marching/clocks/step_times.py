@@ -84,6 +84,10 @@ class StepTimes:
         """Return the time from which observers count: 0, as they count steps, or that at the beginning of the block."""
         return 0.0
 
+    def for_terms(self, times: Array) -> Array:
+        """Return the times that terms and forces see at times of the steps."""
+        return times
+
     def failed_at(self, numbers: Array, done: int) -> float:
         """Return the time at which a step began that failed, after `done` steps of a block."""
         raise NotImplementedError

@@ -181,6 +181,10 @@ class ChosenTimes(StepTimes):
         """Return the time at which the block began, from which observers count."""
         return float(numbers[ORIGIN])
 
+    def for_terms(self, times: Array) -> Array:
+        """Return the times that terms and forces see: also what passed before the leg, which its clock does not count."""
+        return self.start + times
+
     def failed_at(self, numbers: Array, done: int) -> float:
         """Return the time at which a step began that failed."""
         return float(numbers[TIME])

@@ -248,7 +248,7 @@ class Leg(MarchOfSameBodies):
         path, kicks = self.observers.recorded(count), loops.kicks[:count]
         if self.stepper.form.transforms:  # observers see states that are good enough for them, not to step on from
             path, kicks = loops.seen(self.loop.begun["memory"], count), kicks[:0]
-        times = self.times.ends(), self.times.lengths()
+        times = self.times.for_terms(self.times.ends()), self.times.lengths()
         return Motion(self.stepper.form, *times, path, kicks, self.stepper.partial_steps())
 
     def accounts(self) -> Array:

@@ -159,9 +159,7 @@ class ParticleSearches:
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
         if clock.changes:  # a march then counts its time from its begin
-            for motion, ends in stretches(*march.towards(time - begun.time)):
-                times = motion.times + begun.time
-                yield motion.with_steps(times, motion.path, motion.kicks, motion.lengths), ends
+            yield from stretches(*march.towards(time - begun.time))
             return
         place = self._clock.place(time - begun.time)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
