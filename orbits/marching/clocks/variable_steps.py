@@ -182,7 +182,7 @@ class ChosenTimes(StepTimes):
         return float(numbers[ORIGIN])
 
     def for_terms(self, times: Array) -> Array:
-        """Return the times that terms and forces see: also what passed before the leg, which its clock does not count."""
+        """Return the times that terms and forces see: with what passed before the leg, which its clock leaves out."""
         return self.start + times
 
     def failed_at(self, numbers: Array, done: int) -> float:
