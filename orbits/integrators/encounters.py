@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, NamedTuple, TypeVar
 
+from orbits.checks import is_one_of
 from orbits.errors import InputError, shown
 
 C = TypeVar("C", bound=type)
@@ -81,7 +82,7 @@ def as_written_before(parameters: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parameters of a method in which two of them, of an archive made before there was one, are one."""
     given = dict(parameters)
     particles, planets = given.get("encounters", WARN), given.pop("planets", WARN)
-    if particles in OF_PARTICLES and planets in OF_PLANETS and (particles, planets) != (WARN, WARN):
+    if is_one_of(particles, OF_PARTICLES) and is_one_of(planets, OF_PLANETS) and (particles, planets) != (WARN, WARN):
         given["encounters"] = str(Encounters(particles, planets))
     return given
 
@@ -94,7 +95,7 @@ def without_planets(cls: C) -> C:
     def begin(self: Any, *args: Any, **kwargs: Any) -> None:
         if "planets" in kwargs:
             answer = kwargs["planets"]
-            known = answer in OF_PLANETS and answer != WARN
+            known = is_one_of(answer, (FOLLOW, REFUSE))
             instead = f"{answer} planets" if known else "follow planets"
             raise InputError(
                 f"{cls.__name__} has no planets={shown(answer)} any more; what it does in encounters is one argument: "

@@ -15,10 +15,10 @@ import orbits
 from orbits import integrators
 from orbits.cli import app
 from orbits.errors import Interrupted
-from orbits.propagation.resuming import sample_store
 from orbits.regression import PEERS
 from orbits.scenario import bundled
 from orbits.scenario.command import guarded
+from tests.stopping import after_samples
 
 COMMANDS = ["run", "resume", "compare", "certify", "plot", "view", "info", "list"]
 
@@ -281,13 +281,7 @@ def test_resuming_a_finished_run_says_that_it_was_complete_and_how_to_extend_it(
 
 
 def test_an_interrupted_run_says_how_to_go_on_and_resume_completes_it(tmp_path, monkeypatch):
-    add = sample_store.SampleStore.add
-
-    def add_then_stop(self, q, v):
-        add(self, q, v)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
+    after_samples(monkeypatch, 1, lambda: os.kill(os.getpid(), signal.SIGINT))
     command = ["run", "solar_system", "--duration", "1 yr", "--samples", "9", "--no-plot", "--out", str(tmp_path)]
     monkeypatch.setattr(sys, "argv", ["orbits", *command])
     out = call(*command)

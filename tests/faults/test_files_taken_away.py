@@ -14,6 +14,7 @@ import orbits
 from orbits.errors import StorageError
 from orbits.propagation import loop
 from orbits.propagation.resuming import sample_store
+from tests.stopping import after_samples
 
 from . import small
 
@@ -53,20 +54,9 @@ def path(tmp_path: Path) -> Path:
 
 def disturbed(way, path, use, at=AT):
     """Run with a commit for each sample, and take the file away when sample `at` is there."""
-    seen = []
-    add = sample_store.SampleStore.add
-
-    def add_and_take_away(self, q, v):
-        add(self, q, v)
-        seen.append(1)
-        if len(seen) == at:
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr(sample_store.SampleStore, "add", add)
-                way(path)
-
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sample_store, "COMMIT_SECONDS", 0.0)
-        patch.setattr(sample_store.SampleStore, "add", add_and_take_away)
+        after_samples(patch, at, lambda: way(path))
         return use()
 
 

@@ -15,6 +15,7 @@ from astropy import units as u
 import orbits
 from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupted
 from orbits.propagation.resuming import sample_store
+from tests.stopping import after_samples
 
 from ..coverings import at
 
@@ -51,16 +52,7 @@ def test_an_archive_holds_the_bits_of_the_run_in_memory(tmp_path, method):
 def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkeypatch, method, stop_after):
     """SIGTERM arrives during the run; the resumed run equals one that never stopped."""
     straight = orbits.propagate(belt(), method, **ARGUMENTS)
-    taken = []
-    add = sample_store.SampleStore.add
-
-    def add_then_stop(self, q, v):
-        add(self, q, v)
-        taken.append(1)
-        if len(taken) == stop_after:
-            os.kill(os.getpid(), signal.SIGTERM)
-
-    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
+    after_samples(monkeypatch, stop_after, lambda: os.kill(os.getpid(), signal.SIGTERM))
     with pytest.raises(Interrupted, match="orbits resume") as caught:
         orbits.propagate(belt(), method, **ARGUMENTS, archive=tmp_path / "run.h5")
     monkeypatch.undo()
@@ -70,13 +62,7 @@ def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkey
 
 
 def test_without_an_archive_an_interrupted_run_hands_over_what_it_has(monkeypatch):
-    add = sample_store.SampleStore.add
-
-    def add_then_stop(self, q, v):
-        add(self, q, v)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
+    after_samples(monkeypatch, 1, lambda: os.kill(os.getpid(), signal.SIGINT))
     with pytest.raises(Interrupted, match=r"Ctrl-C.*1 of 23 samples.*archive=") as caught:
         orbits.propagate(belt(), METHODS[0], **ARGUMENTS)
     assert len(caught.value.trajectory) == 1

@@ -187,6 +187,7 @@ def test_steps_that_do_not_fit_into_memory_are_refused_or_end_the_run_with_what_
     monkeypatch.setattr(step_store, "memory", lambda: 1e5)
     with pytest.raises(InputError, match=r"dense=True keeps 2,001 steps of 3 bodies, which need .* archive="):
         orbits.propagate(system(), dt=0.01, duration=20.0, dense=True, **QUIET)
+    monkeypatch.setattr(step_store, "memory", lambda: 2e6)  # for several blocks of steps, but not for all
     with pytest.raises(StorageError, match="nearly all that this machine has; use archive=") as raised:
         orbits.propagate(system(), duration=2000.0, samples=1001, dense=True, **QUIET)
     run = raised.value.trajectory

@@ -23,11 +23,11 @@ from orbits.ensemble import command as campaigns
 from orbits.ensemble import run as run_campaign
 from orbits.errors import ArchiveError, InputError, Interrupted, UnknownNameError
 from orbits.option_values import LARGEST, option_text
-from orbits.propagation.resuming import sample_store
 from orbits.scenario import bundled, load, perform, unfinished
 from orbits.scenario.certificates import certify_scenario, to_record
 from orbits.scenario.options import read_options
 from orbits.scenarios import Check, Option, Scenario
+from tests.stopping import after_samples
 
 from ..coverings import each
 
@@ -274,13 +274,7 @@ def test_an_option_that_a_function_misspells_is_told_with_the_line(tmp_path) -> 
 
 
 def stop_after_the_first_samples(monkeypatch: pytest.MonkeyPatch) -> None:
-    add = sample_store.SampleStore.add
-
-    def add_then_stop(self: Any, q: Any, v: Any) -> None:
-        add(self, q, v)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
+    after_samples(monkeypatch, 1, lambda: os.kill(os.getpid(), signal.SIGINT))
 
 
 def test_an_unfinished_run_goes_on_with_its_options_and_is_not_lost_to_others(tmp_path, monkeypatch) -> None:

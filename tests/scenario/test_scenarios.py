@@ -25,12 +25,12 @@ from orbits.errors import InputError, Interrupted, OrbitsError, StepWarning, Unk
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.methods import ExplicitEuler, RungeKutta4
 from orbits.propagation import marchers
-from orbits.propagation.resuming import sample_store
 from orbits.scenario import bundled, load, perform, performing
 from orbits.scenario.certificates import certify_scenario
 from orbits.scenario.typed import quantity, step_or_clock
 from orbits.scenario.unfinished import alone_in
 from orbits.scenarios import Check, Scenario
+from tests.stopping import after_samples
 
 from ..coverings import each, every, first
 
@@ -238,13 +238,7 @@ def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
 
 
 def stopped_by_ctrl_c(scenario, folder, monkeypatch):
-    add = sample_store.SampleStore.add
-
-    def add_then_stop(self, q, v):
-        add(self, q, v)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
+    after_samples(monkeypatch, 1, lambda: os.kill(os.getpid(), signal.SIGINT))
     with pytest.raises(Interrupted):
         perform(scenario, out=folder)
     monkeypatch.undo()
@@ -387,10 +381,9 @@ STAGES = {
 @pytest.mark.parametrize("stage", every(2, STAGES))
 def test_ctrl_c_anywhere_says_what_is_there_and_the_same_run_goes_on_to_the_same_bits(tmp_path, stage, monkeypatch):
     told, parts = STAGES[stage]
-    add, now = sample_store.SampleStore.add, []
+    now = []
 
-    def add_then_stop(self, q, v):
-        add(self, q, v)
+    def stop():
         if now[-1].startswith(stage):
             signal.raise_signal(signal.SIGINT)
 
@@ -399,7 +392,7 @@ def test_ctrl_c_anywhere_says_what_is_there_and_the_same_run_goes_on_to_the_same
         if text.startswith(stage) and stage != "StormerVerlet()":
             signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr(sample_store.SampleStore, "add", add_then_stop)
+    after_samples(monkeypatch, None, stop)
     message = f"^stopped by Ctrl-C.*, in {re.escape(stage)}.*; in {tmp_path}, .*{told}; run it again to go on"
     with pytest.raises(Interrupted, match=message):
         perform(pair(**SEVERAL), out=tmp_path, plot=False, say=note_or_stop)

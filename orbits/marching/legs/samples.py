@@ -89,13 +89,29 @@ class FromSteps:
         return q.reshape(count, 3, n).swapaxes(1, 2), v.reshape(count, 3, n).swapaxes(1, 2)
 
 
+class BesideParticles(ByCopies):
+    """States at samples of massive bodies as they are without massless particles, and those of particles, which follow
+    the stages of a step, from copies.
+    """
+
+    _bodies = FromSteps(recorded=False)
+
+    def ahead(self, leg: Leg, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (1, n, 3), at the first of these places."""
+        q, v = super().ahead(leg, places)
+        if not leg.times.is_at(places.at(0)):
+            bodies = leg.problem.bodies
+            q[:, bodies], v[:, bodies] = self._bodies.ahead(leg, places.between(0, 1))
+        return q, v
+
+
 def samples_of(leg: Leg) -> Samples:
     """Return how the states of a leg at samples come about."""
     problem, form = leg.problem, leg.stepper.form
     carried = np.ones((form.carry_rows(3 * len(problem.bodies)), WIDTH))
     form.forget(carried)
-    if len(problem.particles) or problem.forces or form.transforms or carried.any():
+    if problem.forces or form.transforms or carried.any() or leg.stepper.loops.parallel is not None:
         return ByCopies()
-    if leg.stepper.loops.parallel is not None:
-        return ByCopies()
+    if len(problem.particles):
+        return BesideParticles()
     return FromSteps(recorded=leg.observers.records_all)
