@@ -211,7 +211,7 @@ class Leg(MarchOfSameBodies):
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) at a time less than a step ahead."""
-        return self.state() if offset == 0.0 else within_step.state_at(self, self.times.ahead(offset))
+        return self.state_at(self.times.ahead(offset))
 
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
