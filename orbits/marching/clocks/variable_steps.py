@@ -286,7 +286,7 @@ class ChosenTimes(StepTimes):
                 begun, ends = {name: copy[name].copy() for name in "qv"}, now[[TIME, TIME_LO]][None]
                 if places.rests[0] == ends[0, 0]:
                     break
-                leg.loop.march_copy(copy, self.clock, 1)
+                leg.loop.march_copy(copy, self.clock, 1, particles=False)
                 # The next step of a body alone may be longer than all times; it ends there without being taken.
                 count = int(np.searchsorted(places.rests * direction, now[NEXT] * direction))
         finally:

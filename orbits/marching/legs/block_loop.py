@@ -165,14 +165,15 @@ class BlockLoop:
             leg.listing.add(observers.lists)
         return count
 
-    def march_copy(self, copy: State, clock: Clock, count: int) -> int:
+    def march_copy(self, copy: State, clock: Clock, count: int, *, particles: bool = True) -> int:
         """March a copy of the state by `count` steps of a clock, or those before its goal, without watchers; return
-        their number. Particles that were lost since `Retired.begin` stay where they are.
+        their number. Particles that were lost since `Retired.begin` stay where they are, or all without `particles`.
         """
         leg = self._leg
         numbers = leg.times.numbers(copy, clock)
         count = leg.stepper.bodies(copy, leg.stepper.state, clock, numbers, _NOTHING, count)
-        leg.stepper.particles(copy, clock, numbers, leg.losses.retired.block, None, count)
+        if particles:
+            leg.stepper.particles(copy, clock, numbers, leg.losses.retired.block, None, count)
         return count
 
     def go_back(self, steps: int) -> None:
