@@ -309,7 +309,7 @@ class Observers:
             step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self.energy, bound)
             if step < found:
                 found, why = step, ENERGY
-        if self._collide and self._touched.min() <= min(found, steps):
+        if pairs and self._collide and self._touched.min() <= min(found, steps):
             return int(self._touched.min()), TOUCHED
         return None if found > steps else (found, why)
 
