@@ -100,6 +100,10 @@ class ChainOfLegs(March):
         """Return the changes so far."""
         return self.bodies.changes()
 
+    def excursions(self) -> tuple[NDArray[np.int64], int] | None:
+        """Return the excursions from the map, and their number; None if there can be none."""
+        return self._leg.excursions()
+
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, numbered as in the system at the start."""
         return self._numbered(self._leg.retired())
@@ -166,7 +170,7 @@ class ChainOfLegs(March):
             if self._seeks:
                 self._events.after(leg)  # the steps before the one that failed
             raise
-        touched = leg.met is not None
+        touched = leg.last.met is not None
         if touched:
             leg.step_back()
         self.found = self._events.after(leg) if self._seeks else None
@@ -210,8 +214,7 @@ class ChainOfLegs(March):
         ahead, direction = self._leg, self.clock.direction
         while (time - ahead.time) * direction > 0.0:
             following = self.bodies.again(ahead)
-            following.advance(1)
-            if following.step == ahead.step:
+            if not following.take_step():
                 return
             yield following
             ahead = following
@@ -223,7 +226,7 @@ class ChainOfLegs(March):
                 self._events.flush()
             self._work = self._work + self._leg.accounts()
             step, self._grid = self._grid + 1, -1
-            self._follow(self.bodies.march(*self._leg.state(), self.clock), self._leg, step)
+            self._follow(self.bodies.march(*self._leg.state(), self.clock), self._leg, step, self.time)
 
     def _steps_before(self, place: Place) -> bool:
         return place.steps > self._grid if self._grid >= 0 else self._leg.is_before(place)
@@ -235,7 +238,9 @@ class ChainOfLegs(March):
             self._contacts.forget()
         clock: Clock = self.clock
         begun, steps, lost = time, start.step, self._leg
-        if not clock.changes:
+        if lost.covers_parts:
+            begun = 0.0
+        elif not clock.changes:
             grid = self._grid if self._grid >= 0 else start.step
             rest = float(clock.time(grid + 1)) - time
             if rest * clock.direction > 0.0:
@@ -247,15 +252,15 @@ class ChainOfLegs(March):
             lost.advance_to(Place(0, time))
         self.bodies.begin_leg()
         there = self.bodies.there
-        self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps)
+        self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps, time)
 
-    def _follow(self, leg: Legs, lost: Legs, step: int) -> None:
-        """Go on with another leg, after `step` steps of its clock; lost : by when particles have been retired."""
+    def _follow(self, leg: Legs, lost: Legs, step: int, time: float) -> None:
+        """Go on with another leg from a time, after `step` steps of its clock; lost : by when particles have been
+        retired.
+        """
         old, self._leg = self._leg, leg
-        leg.home.losses.go_on_from(leg.home, lost.home)
+        leg.go_on_from(lost, step, time)
         leg.home.stepper.take_counts(old.home.stepper)
-        leg.home.times.step = step
-        leg.home.bounds.beware()
         old.close()
 
     # ------------------------------------------------------------------------------------------------- checkpoints

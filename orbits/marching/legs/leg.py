@@ -183,15 +183,6 @@ class Leg(MarchOfSameBodies):
         """Return to the state after the first `steps` steps of the last block."""
         self.loop.go_back(steps)
 
-    def step_back(self) -> None:
-        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
-        self.bounds.beware()
-        self.loop.go_back(self.loop.taken - 1)
-
-    def pass_by(self) -> None:
-        """Take the next step whatever pairs come to their bounds in it."""
-        self.bounds.passes = True
-
     # ------------------------------------------------------------------------------------------- what it shows
 
     def state(self) -> tuple[Array, Array]:

@@ -107,9 +107,9 @@ class Bounds(LegWatcher):
         """Allow longer blocks, after one in which nothing was met."""
         self._cautious = min(2 * self._cautious, UNLIMITED)
 
-    def beware(self) -> None:
-        """Begin with single steps: the next ones may be alike, and no long block is marched in vain."""
-        self.met, self._cautious = None, 1
+    def beware(self, steps: int = 1) -> None:
+        """Begin with few steps: the next ones may be alike, and no long block is marched in vain."""
+        self.met, self._cautious = None, steps
 
     def look(self, leg: Leg, count: int) -> Interruption | None:
         """Return after which step the leg stops."""

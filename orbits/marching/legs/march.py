@@ -16,6 +16,7 @@ from orbits.marching.following.retirement import Retirement
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
+    from orbits.marching.legs.problem import Problem
     from orbits.marching.legs.record import Record
 
 T = TypeVar("T")
@@ -25,9 +26,10 @@ class March(ABC):
     """A march of a run.
 
     clock, step, time : the times of its steps, whole steps taken, and the time reached since the start of the run
-    met : why the last block ended, see `orbits.marching.legs.lists_and_bounds.Bounds`
     changed : whether its bodies have changed; ended : the row of the collision that ended it, and the bodies there
-    found : the event that interrupts it before its next collision; is_away : whether all bodies have left the map
+    found : the event that interrupts it before its next collision
+    is_away : whether all bodies have left the map; covers_parts : whether it begins within a step of a map, which it
+        leaves for that
     shows_blocks : whether states at places within a block are known after it: a march need not stop at each
     """
 
@@ -35,13 +37,9 @@ class March(ABC):
     changed = False
     ended: Any = None
     found: Any = None
-    met: int | None = None
+    is_away = False
+    covers_parts = False
     shows_blocks = False
-
-    @property
-    def is_away(self) -> bool:
-        """Whether all bodies have left the map."""
-        return False
 
     @property
     @abstractmethod
@@ -148,13 +146,53 @@ class March(ABC):
 
 
 class MarchOfSameBodies(March):
-    """A march whose bodies stay the same; block : the most steps of a block."""
+    """A march whose bodies stay the same: of one leg, or of two that take turns."""
 
-    block: int
+    problem: Problem
+
+    @property
+    def leg(self) -> Leg:
+        """The leg that marches now."""
+        return self.home
+
+    @property
+    def last(self) -> Leg:
+        """The leg that marched the last block."""
+        return self.home
 
     @abstractmethod
+    def go_back(self, steps: int) -> None:
+        """Return to the state after the first `steps` steps of the last block."""
+
+    def step_back(self) -> None:
+        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
+        self.last.bounds.beware()
+        self.go_back(self.last.loop.taken - 1)
+
     def pass_by(self) -> None:
         """Take the next step whatever pairs come to their bounds in it."""
+        self.leg.bounds.passes = True
+
+    def take_step(self) -> bool:
+        """Take the next step, whatever pairs come to their bounds in it; return whether there is one."""
+        begun = self.time
+        for _ in range(4):  # all bodies may enter a map first, find that they cannot take a step of it, and leave it
+            self.pass_by()
+            self.approach(self.leg.times.next_place())
+            if self.time != begun:
+                return True
+        return False
+
+    def go_on_from(self, old: Any, step: int, time: float) -> None:
+        """Follow a march of bodies that change at a time, with what outlives them: what was retired, and counts.
+
+        step : whole steps taken, of this march
+        """
+        home = self.home
+        home.losses.go_on_from(home, old.home)
+        home.stepper.take_counts(old.home.stepper)
+        home.times.step = step
+        home.bounds.beware()
 
     @abstractmethod
     def record(self, end: float) -> Record:
@@ -164,12 +202,11 @@ class MarchOfSameBodies(March):
         """Return what a function returns after the next step; the march does not change. Raises what `advance_to`
         raises.
         """
-        loop, kept, block = self.home.loop, self.checkpoint(), self.block
+        loop, kept = self.home.loop, self.checkpoint()
         listeners, loop.listeners = loop.listeners, []
         try:
-            self.pass_by()
-            self.approach(self.home.times.next_place())
+            self.take_step()
             return read()
         finally:
             self.restore(kept)
-            self.block, loop.listeners, self.met = block, listeners, None
+            loop.listeners, self.last.met = listeners, None

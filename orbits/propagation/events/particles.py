@@ -159,14 +159,14 @@ class ParticleSearches:
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
         if clock.changes:  # a march then counts its time from its begin
-            yield from stretches(*march.towards(time - begun.time))
+            yield from stretches(*march.leg.towards(time - begun.time))
             return
         place = self._clock.place(time - begun.time)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
         for motion, ends in stretches(march, place):
             yield motion, ends and not rest
         if rest:
-            yield from stretches(*march.towards(time))
+            yield from stretches(*march.leg.towards(time))
 
 
 def stretches(march: Legs, place: Place) -> Iterator[tuple[Motion, bool]]:
@@ -177,9 +177,9 @@ def stretches(march: Legs, place: Place) -> Iterator[tuple[Motion, bool]]:
         try:
             march.approach(place)
         except IntegrationError:
-            yield march.motion(), False
+            yield march.last.motion(), False
             raise
-        yield march.motion(), not march.is_before(place)
+        yield march.last.motion(), not march.is_before(place)
 
 
 def with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:

@@ -111,7 +111,7 @@ class Seeking(MotionSearch):
         The events before it are then recorded, and it is as well; the march is at the begin of its step. So it is if
         it stopped as a pair of bodies might come to its bound in the last step, but none does.
         """
-        if marcher.met != SUSPECT:
+        if marcher.last.met != SUSPECT:
             return self._after(marcher)
         end = Sample(marcher.time, *marcher.state())
         marcher.step_back()
@@ -156,7 +156,7 @@ class Seeking(MotionSearch):
     def _after(self, marcher: Legs) -> Found | None:
         if not self:
             return None
-        found = self.take(marcher.motion())
+        found = self.take(marcher.last.motion())
         if found is not None:
             marcher.go_back(found.steps)
         return found
@@ -169,7 +169,7 @@ class Seeking(MotionSearch):
         self.flush()
         if not self or (time - marcher.time) * self._direction <= 0.0:
             return None
-        (rest, goal), found = marcher.towards(time), None
+        (rest, goal), found = marcher.leg.towards(time), None
         while found is None and rest.is_before(goal):
             rest.approach(goal)
             found = self._seek(rest.motion(), False, record)
@@ -184,7 +184,7 @@ class Seeking(MotionSearch):
         if not self.interrupts or (time - marcher.time) * self._direction <= 0.0:
             return None
         with suppress(IntegrationError):
-            return marcher.after_next_step(lambda: self._seek(marcher.motion(), False, False, time))
+            return marcher.after_next_step(lambda: self._seek(marcher.last.motion(), False, False, time))
         return self.before(marcher, time, record=False)
 
     def before_in(self, steps: Iterable[Legs], time: float) -> Found | None:
@@ -193,7 +193,7 @@ class Seeking(MotionSearch):
         steps : marches that have taken one step each. Events are then where they are without a sample at this time.
         """
         for rest in steps:
-            found = self._seek(rest.motion(), False, False, time)
+            found = self._seek(rest.last.motion(), False, False, time)
             if found is not None:
                 return found
         return None

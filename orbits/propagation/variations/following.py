@@ -146,7 +146,7 @@ def at_samples(
             yield tangents, march.time
             continue
         part = tangents.branched()
-        for motion, _ in stretches(*march.towards(time)):
+        for motion, _ in stretches(*march.leg.towards(time)):
             part.follow(motion)
         yield part, time
 
