@@ -21,6 +21,7 @@ from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
+from orbits.marching.legs.next_step import pass_by, step_back, take_step
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
 from orbits.propagation.collisions.contacts import Contacts, Outcome
@@ -87,11 +88,6 @@ class ChainOfLegs(March):
         return self._leg.time
 
     @property
-    def reading(self) -> float:
-        """The reading of the clock: whole steps, or the time."""
-        return self.time if self.clock.changes else self.step
-
-    @property
     def home(self) -> Leg:
         """The current leg, or the one whose clock it has."""
         return self._leg.home
@@ -104,17 +100,10 @@ class ChainOfLegs(March):
         """Return the excursions from the map, and their number; None if there can be none."""
         return self._leg.excursions()
 
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, numbered as in the system at the start."""
-        return self._numbered(self._leg.retired())
-
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and the particles that cannot be followed up to a time less than a step ahead."""
-        return self._numbered(self._leg.retired_by(time))
-
-    def _numbered(self, retired: list[Retirement]) -> list[Retirement]:
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, numbered as in the system at the start; by : see `March.retired`."""
         numbers = np.flatnonzero(self.bodies.there)
-        return [lost._replace(body=int(numbers[lost.body])) for lost in retired]
+        return [lost._replace(body=int(numbers[lost.body])) for lost in self._leg.retired(by)]
 
     def accounts(self) -> Array:
         """Return the time integrals of each force up to the state returned last; see `Leg.accounts`."""
@@ -172,13 +161,13 @@ class ChainOfLegs(March):
             raise
         touched = leg.last.met is not None
         if touched:
-            leg.step_back()
+            step_back(leg)
         self.found = self._events.after(leg) if self._seeks else None
         if touched and self.found is None:
             assert self._contacts is not None
             self._interrupt(self._contacts.in_step_after(leg))
             if leg is self._leg and self.found is None and self.ended is None:
-                leg.pass_by()
+                pass_by(leg)
 
     def _interrupt(self, outcome: Outcome | None) -> None:
         """Do what a contact leads to."""
@@ -214,7 +203,7 @@ class ChainOfLegs(March):
         ahead, direction = self._leg, self.clock.direction
         while (time - ahead.time) * direction > 0.0:
             following = self.bodies.again(ahead)
-            if not following.take_step():
+            if not take_step(following):
                 return
             yield following
             ahead = following

@@ -224,9 +224,9 @@ class ChosenSteps:
         time : less than a step ahead, up to which particles are followed; None for where the march is
         """
         if not self.taken:
-            return self._at_readings(self._map.retired() if time is None else self._map.retired_by(time))
+            return self._at_readings(self._map.retired(time))
         rows = {one.body: one for one in self._at_readings(self._map.retired())}
-        for one in self.leg.retired() if time is None else self.leg.retired_by(time):
+        for one in self.leg.retired(time):
             if one.body not in rows:
                 at = float(self.reading(one.reading))
                 rows[one.body] = one._replace(step=int(at), reading=at)

@@ -204,17 +204,9 @@ class Leg(MarchOfSameBodies):
         """Return (q, v) at a time less than a step ahead."""
         return self.state_at(self.times.ahead(offset))
 
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, in the order of the caller's bodies."""
-        return self.losses.listed(self)
-
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and those that cannot be followed up to a time less than a step ahead."""
-        return within_step.retired_by(self, time)
-
-    def towards(self, time: float) -> tuple[Leg, Place]:
-        """Return a leg of the massive bodies that ends at a time less than a step ahead; see `within_step.towards`."""
-        return within_step.towards(self, time)
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the caller's bodies; by : see `March.retired`."""
+        return self.losses.listed(self) if by is None or by == self.time else within_step.retired_by(self, by)
 
     @property
     def shows_blocks(self) -> bool:  # type: ignore[override]

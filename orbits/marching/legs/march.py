@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from orbits.marching.legs.problem import Problem
     from orbits.marching.legs.record import Record
 
-T = TypeVar("T")
-
 
 class March(ABC):
     """A march of a run.
@@ -28,8 +26,7 @@ class March(ABC):
     clock, step, time : the times of its steps, whole steps taken, and the time reached since the start of the run
     changed : whether its bodies have changed; ended : the row of the collision that ended it, and the bodies there
     found : the event that interrupts it before its next collision
-    is_away : whether all bodies have left the map; covers_parts : whether it begins within a step of a map, which it
-        leaves for that
+    covers_parts : whether it begins within a step of a map, which it leaves for that
     shows_blocks : whether states at places within a block are known after it: a march need not stop at each
     """
 
@@ -37,7 +34,6 @@ class March(ABC):
     changed = False
     ended: Any = None
     found: Any = None
-    is_away = False
     covers_parts = False
     shows_blocks = False
 
@@ -50,11 +46,6 @@ class March(ABC):
     @abstractmethod
     def time(self) -> float:
         """The time reached, since the start of the run."""
-
-    @property
-    @abstractmethod
-    def reading(self) -> float:
-        """The reading of the clock: whole steps, or the time."""
 
     @abstractmethod
     def state(self) -> tuple[Array, Array]:
@@ -69,12 +60,11 @@ class March(ABC):
         """Return what is known of each force at the state returned last."""
 
     @abstractmethod
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, in the order of the bodies."""
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the bodies.
 
-    @abstractmethod
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and those that cannot be followed up to a time less than a step ahead."""
+        by : a time less than a step ahead, up to which particles are followed; None for the time reached
+        """
 
     @abstractmethod
     def compile(self) -> None:
@@ -164,25 +154,6 @@ class MarchOfSameBodies(March):
     def go_back(self, steps: int) -> None:
         """Return to the state after the first `steps` steps of the last block."""
 
-    def step_back(self) -> None:
-        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
-        self.last.bounds.beware()
-        self.go_back(self.last.loop.taken - 1)
-
-    def pass_by(self) -> None:
-        """Take the next step whatever pairs come to their bounds in it."""
-        self.leg.bounds.passes = True
-
-    def take_step(self) -> bool:
-        """Take the next step, whatever pairs come to their bounds in it; return whether there is one."""
-        begun = self.time
-        for _ in range(4):  # all bodies may enter a map first, find that they cannot take a step of it, and leave it
-            self.pass_by()
-            self.approach(self.leg.times.next_place())
-            if self.time != begun:
-                return True
-        return False
-
     def go_on_from(self, old: Any, step: int, time: float) -> None:
         """Follow a march of bodies that change at a time, with what outlives them: what was retired, and counts.
 
@@ -197,16 +168,3 @@ class MarchOfSameBodies(March):
     @abstractmethod
     def record(self, end: float) -> Record:
         """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
-
-    def after_next_step(self, read: Callable[[], T]) -> T:
-        """Return what a function returns after the next step; the march does not change. Raises what `advance_to`
-        raises.
-        """
-        loop, kept = self.home.loop, self.checkpoint()
-        listeners, loop.listeners = loop.listeners, []
-        try:
-            self.take_step()
-            return read()
-        finally:
-            self.restore(kept)
-            loop.listeners, self.last.met = listeners, None

@@ -25,7 +25,7 @@ from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
-from orbits.marching.legs.chosen_steps import NOT_YET, ChosenSteps
+from orbits.marching.legs.chosen_steps import FIRST_BLOCK, NOT_YET, ChosenSteps
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.planet_encounters import NOBODY, Encounter, Leaves, Rules
@@ -69,11 +69,6 @@ class PlanetExcursions(MarchOfSameBodies):
         """The leg of the map, whose clock this march has."""
         return self._map
 
-    @property
-    def is_away(self) -> bool:  # type: ignore[override]
-        """Whether all bodies take chosen steps now."""
-        return self._chosen.taken
-
     def excursions(self) -> tuple[NDArray[np.int64], int] | None:
         """Return the excursions from the map that are listed, see `LEFT`, and how many there were."""
         return np.array(self._chosen.rows, dtype=np.int64).reshape(-1, 4), self._chosen.count
@@ -88,11 +83,6 @@ class PlanetExcursions(MarchOfSameBodies):
         """The time reached, since the start of the run."""
         return self.leg.time
 
-    @property
-    def reading(self) -> float:
-        """The reading of the clock: whole steps, and a part of one while all bodies are away."""
-        return float(self._chosen.reading(self.time)) if self.is_away else self._map.reading
-
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, at the time reached."""
         return self.leg.state()
@@ -101,26 +91,22 @@ class PlanetExcursions(MarchOfSameBodies):
         """Return (q, v) after a partial step of `offset`; all bodies leave the map here, if its step is one of an
         encounter.
         """
-        if not self.is_away and offset != 0.0:
+        if not self._chosen.taken and offset != 0.0:
             self._settle(Place(self.step, offset))
         return self.leg.state_after(offset)
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced."""
         self._settle(place)
-        return self.leg.state_at(self._chosen.goal(place) if self.is_away else place)
+        return self.leg.state_at(self._chosen.goal(place) if self._chosen.taken else place)
 
     def accounts(self) -> Array:
         """Return what is known of each force: there is none in a map."""
         return self._map.accounts()
 
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, in the order of the caller's bodies."""
-        return self._chosen.retired()
-
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and those that cannot be followed up to a time less than a step ahead."""
-        return self._chosen.retired(time)
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the caller's bodies; by : see `March.retired`."""
+        return self._chosen.retired(by)
 
     def record(self, end: float) -> Record:
         """Return what was seen of passages up to a time; see `Leg.record`."""
@@ -128,13 +114,13 @@ class PlanetExcursions(MarchOfSameBodies):
         with suppress(IntegrationError):  # where the run itself failed
             if (end - self.time) * direction > 0.0:
                 self.advance_to(self.clock.place(end))
-        if self.is_away:
+        if self._chosen.taken:
             ended = chosen
             if (end - self.time) * direction > 0.0:
                 with suppress(IntegrationError):
                     ended = within_step.ended_at(chosen, end)
             away = seen_by(ended)
-            mine = seen_by(self._map, noting_end=False)._replace(end=self.reading)
+            mine = seen_by(self._map, noting_end=False)._replace(end=float(self._chosen.reading(self.time)))
         else:
             mine, away = self._map.record(end), seen_by(chosen, noting_end=False)
         particles = slice(len(self.problem.bodies), len(self.problem.gm))
@@ -155,13 +141,13 @@ class PlanetExcursions(MarchOfSameBodies):
     def is_before(self, place: Place) -> bool:
         """Return whether there may be steps left before a place."""
         self._settle(place)
-        return self._chosen.is_before(place) if self.is_away else self._map.is_before(place)
+        return self._chosen.is_before(place) if self._chosen.taken else self._map.is_before(place)
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place. Raises what `advance_to` raises."""
         self._settle(place)
         self._last = self.leg
-        if self.is_away:
+        if self._chosen.taken:
             self._chosen.approach(place)
         elif self.step < place.steps:
             self._approach_by_map(place)
@@ -184,7 +170,7 @@ class PlanetExcursions(MarchOfSameBodies):
         if self._chosen.is_over:
             self._chosen.end()
             self._looked = NOT_YET
-        if self.is_away or not place > (self.step, 0.0):
+        if self._chosen.taken or not place > (self.step, 0.0):
             return
         if self._leaves.found is None and place.steps == self.step and self._looked != self.step:
             self._look_ahead()
@@ -217,14 +203,15 @@ class PlanetExcursions(MarchOfSameBodies):
 
     def checkpoint(self, *, seen: bool = False) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to resume bit for bit; see `Leg`."""
-        return {**self._map.checkpoint(seen=seen and not self.is_away), **self._chosen.checkpoint()}
+        return {**self._map.checkpoint(seen=seen and not self._chosen.taken), **self._chosen.checkpoint()}
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]], *, seen: bool = False) -> None:
         """Restore a checkpoint of a march bound in the same way. Raises InputError if it belongs to another problem."""
         self._chosen.restore(checkpoint)
         self._map.restore(checkpoint, seen=seen)
         self._last, self._leaves.found, self._looked = self.leg, None, NOT_YET
-        self._map.met = self._chosen.leg.met = None
+        for leg in (self._map, self._chosen.leg):
+            leg.bounds.beware(FIRST_BLOCK)
 
 
 Legs = Leg | PlanetExcursions

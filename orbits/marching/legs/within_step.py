@@ -90,8 +90,6 @@ def retired_by(leg: Leg, time: float) -> list[Retirement]:
     """Return the particles that are retired, or cannot be followed up to a time less than a step ahead, in the order of
     the caller's bodies. The leg does not change: its next step may lose them a rounding error away.
     """
-    if time == leg.time:
-        return leg.retired()
     known = {one.body: one for one in leg.retired()}
     lost = (
         one._replace(step=leg.step, reading=leg.times.reading_in_part(one.reading, time))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
+from orbits.marching.legs import within_step
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
@@ -180,7 +181,7 @@ class Contacts:
         if not self._is_later(time, ahead.start.time):
             return None
         there = self._of.present_massive()
-        for motion, ends in stretches(*ahead.start.leg.towards(time)):
+        for motion, ends in stretches(*within_step.towards(ahead.start.leg, time)):
             if ends:  # so that no zero falls between the motion before the collision and that after it
                 motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
             found = self._events.search(motion)

@@ -164,7 +164,7 @@ def lost_by_the_end(march: Marching, run: Trajectory) -> list[Retirement]:
     retired = march.retired()
     if missing(run, retired):
         with suppress(IntegrationError):  # of the massive bodies, where the run ends
-            return march.retired_by(float(run.times[-1]))
+            return march.retired(float(run.times[-1]))
     return retired
 
 
