@@ -265,7 +265,7 @@ def _result(
     if writer is not None:
         # From the file that was written, even if its path now refers to another one.
         path = str(writer.path) if writer.in_place else None
-        return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
+        return Trajectory._of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
     q, v, accounts = store.arrays()
     return Trajectory(
         system,

@@ -464,7 +464,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         grid = old.grid if until is None else old.grid.extended(system, until)
         if old.committed == len(grid) and old.complete:
             old.release()
-            return Trajectory.of_archive(old, path=str(path), again=REPLAY)
+            return Trajectory._of_archive(old, path=str(path), again=REPLAY)
         check_span(system, grid)
         place = old.checkpoint(), old.committed
         marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)

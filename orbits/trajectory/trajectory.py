@@ -127,7 +127,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         self._record = record
         self._passages: Any = None
         self.error_bars: ErrorBars | None = None
-        self._again = self.marched_again_by if again is None else again
+        self._again = self._marched_again_by if again is None else again
         self._retired = retired
         self._events: Events | None = None
         self._excursions: Excursions | None = None
@@ -144,10 +144,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         """
         from orbits.archive import Archive
 
-        return cls.of_archive(Archive.open(path), path=str(path), statistics=statistics)
+        return cls._of_archive(Archive.open(path), path=str(path), statistics=statistics)
 
     @classmethod
-    def of_archive(
+    def _of_archive(
         cls,
         archive: Archive,
         *,
@@ -325,9 +325,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         expected = 'a name, run["Sun"], a sample, run[-1], or a slice, run[10:20]'
         k = place_in(len(self), key, "run", "samples", expected)
         accounts = accounts_of(self)[k] if most_inner(self.system) else None
-        return self.system_of(self._q[k], self._v[k], float(self.times[k]), accounts)
+        return self._system_of(self._q[k], self._v[k], float(self.times[k]), accounts)
 
-    def system_of(self, q: Array, v: Array, time: float, accounts: Array | None = None) -> System:
+    def _system_of(self, q: Array, v: Array, time: float, accounts: Array | None = None) -> System:
         """Return the `System` of a state of this run, (bodies, 3) each, without particles that are retired by then.
 
         accounts : (forces, 7 + inner), those of a state of forces with internal variables

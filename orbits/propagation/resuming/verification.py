@@ -162,7 +162,7 @@ def _verified(
     sound = whole and not damaged
     findings.append(_numbers(archive, damaged, listed=sound))
     if sound and findings[-1].ok:
-        run = Trajectory.of_archive(Archive.open(path), path=path)
+        run = Trajectory._of_archive(Archive.open(path), path=path)
         with run.archive:  # type: ignore[union-attr]
             findings.append(Finding("conserved", _drift(run), None))
     if whole and recompute != "none":
