@@ -142,7 +142,7 @@ def test_the_citation_is_of_this_version():
 
 def test_tables_written_by_hand_have_all_that_is_registered():
     methods, lagrangians, scenarios = (
-        text_of(ROOT / "docs" / f"{page}.md") for page in ("guide/running", "lagrangians", "scenarios")
+        text_of(ROOT / "docs" / f"{page}.md") for page in ("choosing", "lagrangians", "scenarios")
     )
     assert [cls.__name__ for cls in integrators.registry().values() if f"`{cls.__name__}(" not in methods] == []
     assert [key for key in orbits.lagrangians.registry() if f"| `{key.replace('-', '_')}` |" not in lagrangians] == []
