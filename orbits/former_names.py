@@ -133,7 +133,7 @@ INTERNAL: Mapping[str, Mapping[str, str]] = {
         "record": "run.closest_approaches() and run.unresolved()",
         "passages": "run.closest_approaches() and run.unresolved()",
         "kept": "run.at(times), which reads the steps of a run with dense=True",
-        "accounts": "run.work, and run.rotation for attitudes and spins",
+        "accounts": "run.work(), and run.rotation for attitudes and spins",
         "begun": "run.at(times), or orbits.propagate(run.system, ...) for another run from the same start",
         "before": "run.at(times), which answers from the start of the run",
         "blocks": "run[10:20], or run.q[10:20] and run.v[10:20]",
