@@ -26,9 +26,7 @@ from orbits.errors import (
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
-from orbits.marching.watching.leg_observers import ENERGY
 from orbits.propagation.checks import kepler_splitting, unresolved_passages
 from orbits.propagation.checks.precision import energy_lost
 from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
@@ -390,10 +388,5 @@ def _sample(
     while (found := watch.events.before(marcher.current, grid.end, record=True)) is not None:
         if watch.interrupted(system, marcher, found):
             return False
-    if marcher.clock.changes and watch.conditions.energy < np.inf:
-        with suppress(IntegrationError):
-            # The last step of the march leads beyond the run.
-            end = within_step.ended_at(marcher.current.home, grid.end)
-            if end.met == ENERGY:
-                watch.note(system, marcher, end.time, end.state(), *watch.conditions.exceeded())
+    watch.at_end(system, marcher, grid.end)
     return True

@@ -27,7 +27,7 @@ from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.legs.interruptions import LegWatcher
-from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals
+from orbits.marching.legs.lists_and_bounds import Bounds, EnergyBound, Listing, Refusals
 from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
@@ -69,12 +69,6 @@ class Leg(MarchOfSameBodies):
         self.block = loops.steps
         state = self.stepper.state
         state["approaches"] = empty_record(len(problem.gm), problem.approaches)
-        if problem.energy_bound is not None and form.transforms:
-            raise InputError(
-                f"{problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: the "
-                "condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "
-                "run.drift()."
-            )
         sees_dominant = surfaces is not None and self.way.pericentres and bool(surfaces[int(gm.argmax())])
         limits = limits_of(problem.integrator, self.clock, sees_dominant)
         self.observers = Observers(
@@ -84,7 +78,6 @@ class Leg(MarchOfSameBodies):
             state["q"],
             state["v"],
             problem.stops,
-            problem.energy_bound,
             *limits,
             loops.times,
             len(loops.tasks),
@@ -92,16 +85,16 @@ class Leg(MarchOfSameBodies):
             problem.integrator.follows_kepler,
             order=problem.integrator.order,
             notes_nearest=form.notes_nearest(3 * len(gm)) and not problem.approaches,
-            whole_path=problem.dense or problem.integrator.in_encounters.follow_planets,
+            whole_path=problem.sees_all_steps,
         )
         self.observers.given = form.held(problem.parameters) == len(gm)
         passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
         self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
         self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
-        self.bounds = Bounds()
+        self.bounds, self.energy = Bounds(), self._energy_bound()
         refusals = Refusals() if problem.integrator.in_encounters.refuse_planets else None
-        some = encounters, self.losses if m else None, refusals
-        self.loop = BlockLoop(self, [watcher for watcher in (*some, self.listing, self.bounds) if watcher is not None])
+        watchers = encounters, self.losses if m else None, refusals, self.listing, self.energy, self.bounds
+        self.loop = BlockLoop(self, [watcher for watcher in watchers if watcher is not None])
         self.shown = state
         self.samples = samples_of(self)
 
@@ -119,6 +112,19 @@ class Leg(MarchOfSameBodies):
     ) -> Leg:
         """Return the leg of a problem with these options; a number h is the clock of constant steps h."""
         return cls(Problem(lagrangian, integrator, parameters, massive, clock_of(clock), **options), q, v)
+
+    def _energy_bound(self) -> EnergyBound | None:
+        """Return what watches the energy, if it has a bound."""
+        most, state = self.problem.energy_bound, self.stepper.state
+        if most is None:
+            return None
+        if self.stepper.form.transforms:
+            raise InputError(
+                f"{self.problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: "
+                "the condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "
+                "run.drift()."
+            )
+        return EnergyBound(self.observers.energy(state["q"], state["v"]), most)
 
     # ------------------------------------------------------------------------------------------- where it is
 

@@ -1,4 +1,4 @@
-"""What ends the blocks of a leg besides lost particles: full lists, refused meetings, and bounds."""
+"""What ends the blocks of a leg besides lost particles: full lists, refused meetings, bounds, and the energy."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
 from orbits.marching.stepping.failures import refused_meeting
 from orbits.marching.watching import kepler_passages
+from orbits.marching.watching.leg_observers import ENERGY
 from orbits.marching.watching.passage_list import BlockList, Kept, PassageList
 
 if TYPE_CHECKING:
@@ -88,8 +89,7 @@ class Refusals(LegWatcher):
 
 
 class Bounds(LegWatcher):
-    """Ends a leg after a step in which a pair may come to its bound, two bodies may touch, or the energy error is above
-    its bound.
+    """Ends a leg after a step in which a pair may come to its bound, or two bodies may touch.
 
     met : why the leg ended: `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watching.leg_observers`, or None
     passes : whether the next step is taken whatever pairs come to their bounds in it
@@ -117,4 +117,22 @@ class Bounds(LegWatcher):
         if found is None:
             return None
         step, self.met = found
+        return Interruption(step, Kind.BOUND)
+
+
+class EnergyBound(LegWatcher):
+    """Ends a leg after the first step at whose end the energy of the massive bodies has changed by too much.
+
+    start : G times the energy at the start of the run; most : the largest change, as a fraction of it
+    """
+
+    def __init__(self, start: float, most: float) -> None:
+        self.start, self._most = start, most
+
+    def look(self, leg: Leg, count: int) -> Interruption | None:
+        """Return after which step the energy error is above its bound."""
+        step = leg.observers.first_energy_error(count, self.start, self._most * abs(self.start))
+        if step > count:
+            return None
+        leg.met = ENERGY
         return Interruption(step, Kind.BOUND)

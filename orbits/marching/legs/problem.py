@@ -123,6 +123,11 @@ class Problem:
         return form.for_bodies(len(self.bodies))
 
     @property
+    def sees_all_steps(self) -> bool:
+        """Whether the state at the end of each step is needed, whatever else is looked for."""
+        return self.dense or self.energy_bound is not None or self.integrator.in_encounters.follow_planets
+
+    @property
     def exact(self) -> bool:
         """Whether a map on Kepler orbits is exact: about a body that is alone."""
         return len(self.bodies) == 1 and NEWTONIAN in self.lagrangian.traits

@@ -52,7 +52,8 @@ def ended_at(leg: Leg, time: float) -> Leg:
     q[gone], v[gone] = NOWHERE, 0.0
     way = leg.times.way(time)
     end = type(leg)(_like(leg, clock=way.clock, start=way.start, energy_bound=leg.problem.energy_bound), q, v)
-    end.observers.energy = leg.observers.energy
+    if leg.energy is not None and end.energy is not None:
+        end.energy.start = leg.energy.start
     leg.times.hand_on(leg, end)
     end.advance_to(way.place)
     return end
