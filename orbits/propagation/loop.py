@@ -43,6 +43,7 @@ from orbits.propagation.run_ends import ParticlesOfRun, RunEnds, moved_on
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
+from orbits.trajectory.stored import of_archive
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
@@ -263,7 +264,7 @@ def _result(
     if writer is not None:
         # From the file that was written, even if its path now refers to another one.
         path = str(writer.path) if writer.in_place else None
-        return Trajectory._of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
+        return of_archive(Trajectory, writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
     q, v, accounts = store.arrays()
     return Trajectory(
         system,

@@ -47,6 +47,7 @@ from orbits.system import System
 from orbits.system.model import most_inner
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
+from orbits.trajectory.stored import of_archive
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
@@ -464,7 +465,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         grid = old.grid if until is None else old.grid.extended(system, until)
         if old.committed == len(grid) and old.complete:
             old.release()
-            return Trajectory._of_archive(old, path=str(path), again=REPLAY)
+            return of_archive(Trajectory, old, path=str(path), again=REPLAY)
         check_span(system, grid)
         place = old.checkpoint(), old.committed
         marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)
