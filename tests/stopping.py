@@ -24,6 +24,6 @@ def after_samples(patch: pytest.MonkeyPatch, count: int | None, act: Callable[[]
         if count in (None, len(taken)):
             act()
 
-    patch.setattr(Leg, "shows_blocks", False)
+    patch.setattr(Leg, "together", lambda leg, places: 1)
     patch.setattr(loop, "AT_ONCE", 1)
     patch.setattr(sample_store.SampleStore, "add", add_and_act)

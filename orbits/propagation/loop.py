@@ -325,15 +325,15 @@ def _sample(
         if stop.name:
             return False
         if marcher.is_before(places.at(index)):
-            each = alone or not marcher.shows_blocks or index < singly
-            last = index + 1 if each else min(index + max(store.room, 1), len(grid.goals))
+            room = 1 if alone or index < singly else max(store.room, 1)
+            last = index + marcher.together(places.between(index, min(index + room, len(grid.goals))))
             yield places.at(last - 1)
             failure: IntegrationError | None = None
             try:
                 marcher.approach(places.at(last - 1))
             except IntegrationError as error:
                 failure = error
-            passed = 0 if each else marcher.passed(places.between(index, min(last, len(grid))))
+            passed = marcher.passed(places.between(index, min(last, len(grid)))) if last > index + 1 else 0
             q = v = _NOTHING
             if passed:
                 try:
@@ -349,7 +349,7 @@ def _sample(
             elif marcher.step != step:
                 passed = min(passed, marcher.passed(places.between(index, index + passed)))
             if passed:
-                store.add(q[:passed], v[:passed], marcher.accounts())
+                store.add(q[:passed], v[:passed], marcher.accounts_of_each()[:passed])
                 index += passed
             bar.update(marcher.time, marcher.step)
             beats.beat_if_due()
@@ -372,7 +372,7 @@ def _sample(
         single = alone or bool(events.interrupts) or events.stops is not None
         most = 1 if single else min(store.room, AT_ONCE, len(grid) - index)
         q, v = marcher.states_ahead(places.between(index, index + most))
-        sample, accounts = Sample(goal, q[0], v[0]), marcher.accounts()
+        sample, accounts = Sample(goal, q[0], v[0]), marcher.accounts_of_each()
         if watch.interrupted(system, marcher, watch.at_a_bound(marcher, sample)) or particles.reach(sample):
             return False
         if index == len(grid):

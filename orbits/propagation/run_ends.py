@@ -30,7 +30,7 @@ from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
-    from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.propagation.chain_of_legs import ChainOfLegs
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
@@ -90,12 +90,12 @@ class RunEnds:
             try:
                 changed = then.act(happening)
                 if changed is not None:
-                    cast("ChangingMarch", marcher).change(happening.kind, found.time, *state, happening.system, changed)
+                    cast("ChainOfLegs", marcher).change(happening.kind, found.time, *state, happening.system, changed)
             except Exception:
                 self.events.log.drop_from(found.time)  # a run that is resumed acts there
                 raise
             if changed is not None:
-                self.events.follow(cast("ChangingMarch", marcher).now)
+                self.events.follow(cast("ChainOfLegs", marcher).bodies.now())
             return False
         self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
         self.end_at(system, marcher, happening, found.time, state)
@@ -118,7 +118,7 @@ class RunEnds:
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
         if self.events.touching or self.events.act:
-            return self.events.before_in(cast("ChangingMarch", marcher).steps_beyond(time), time)
+            return self.events.before_in(cast("ChainOfLegs", marcher).steps_beyond(time), time)
         found = None
         if self.events.stops is not None:
             found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))

@@ -260,6 +260,10 @@ class GridTimes(StepTimes):
         """Return one step of the rest: a partial step."""
         return Part(ConstantSteps(place.rest), 1, True)
 
+    def led_to(self, places: Places, steps: int) -> int:
+        """Return up to how many of these places a block of `steps` steps leads."""
+        return int(np.searchsorted(places.steps, self.step + steps, side="right"))
+
     def passed(self, places: Places) -> int:
         """Return how many of these places do not lie ahead."""
         before, now = np.searchsorted(places.steps, [self.step, self.step + 1])

@@ -155,6 +155,10 @@ class StepTimes:
     def aim_exactly(self, copy: Mapping[str, Array], place: Place) -> None:
         """Let the last step of a copy of the state end at a place, where the clock of the leg goes on."""
 
+    def led_to(self, places: Places, steps: int) -> int:
+        """Return up to how many of these places a block of `steps` steps may lead."""
+        return len(places.steps)
+
     def passed(self, places: Places) -> int:
         """Return how many of these places do not lie ahead."""
         raise NotImplementedError

@@ -93,10 +93,10 @@ class Leg(MarchOfSameBodies):
         self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
         self.bounds, self.energy = Bounds(), self._energy_bound()
         refusals = Refusals() if problem.integrator.in_encounters.refuse_planets else None
-        watchers = encounters, self.losses if m else None, refusals, self.listing, self.energy, self.bounds
+        self.samples, losses = samples_of(self), self.losses if m else None
+        watchers = encounters, losses, refusals, self.listing, self.energy, self.bounds, self.samples
         self.loop = BlockLoop(self, [watcher for watcher in watchers if watcher is not None])
-        self.shown = state
-        self.samples = samples_of(self)
+        self.shown = [state]
 
     @classmethod
     def of(
@@ -203,7 +203,7 @@ class Leg(MarchOfSameBodies):
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self.losses.retired.begin()
-        self.shown = self.stepper.state
+        self.shown = [self.stepper.state]
         return self.stepper.gather(self.as_seen(), self.losses.retired.gone())
 
     def as_seen(self, particles: NDArray[np.intp] | None = None) -> State:
@@ -213,6 +213,7 @@ class Leg(MarchOfSameBodies):
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the leg has advanced; see `orbits.marching.legs.samples`."""
         q, v = self.samples.ahead(self, Places(np.array([place.steps]), np.array([place.rest])))
+        self.shown = self.shown[:1]
         return q[0], v[0]
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
@@ -231,14 +232,13 @@ class Leg(MarchOfSameBodies):
         """Return a leg of the massive bodies that ends at a time less than a step ahead; see `within_step.towards`."""
         return within_step.towards(self, time)
 
-    @property
-    def shows_blocks(self) -> bool:  # type: ignore[override]
-        """Whether states within a block are known after it."""
-        return self.samples.known_in_block
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to."""
+        return self.samples.together(self, places)
 
     def passed(self, places: Places) -> int:
         """Return how many of these places are in the block just marched."""
-        return self.times.passed(places) if self.shows_blocks else 0
+        return self.times.passed(places)
 
     def states_in_block(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (m, n, 3), at places in the block just marched."""
@@ -253,13 +253,18 @@ class Leg(MarchOfSameBodies):
         count, loops = self.loop.taken, self.stepper.loops
         path, kicks = self.observers.recorded(count), loops.kicks[:count]
         if self.stepper.form.transforms:  # observers see states that are good enough for them, not to step on from
-            path, kicks = loops.seen(self.loop.begun["memory"], count), kicks[:0]
+            carries = np.concatenate([self.loop.begun["memory"][None], kicks])
+            path, kicks = loops.seen(carries, low=False), kicks[:0]
         times = self.times.for_terms(self.times.ends()), self.times.lengths()
         return Motion(self.stepper.form, *times, path, kicks, self.stepper.partial_steps())
 
     def accounts(self) -> Array:
         """Return what is known of each force at the state returned last; see `Stepper.accounts`."""
-        return self.stepper.accounts(self.shown)
+        return self.stepper.accounts(self.shown[-1])
+
+    def accounts_of_each(self) -> Array:
+        """Return this at each of the states returned last."""
+        return np.stack([self.stepper.accounts(state) for state in self.shown])
 
     def record(self, end: float) -> Record:
         """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""

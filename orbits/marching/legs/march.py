@@ -28,7 +28,6 @@ class March(ABC):
     met : why the last block ended, see `orbits.marching.legs.lists_and_bounds.Bounds`
     changed : whether its bodies have changed; ended : the row of the collision that ended it, and the bodies there
     found : the event that interrupts it before its next collision; is_away : whether all bodies have left the map
-    shows_blocks : whether states at places within a block are known after it: a march need not stop at each
     """
 
     clock: Clock
@@ -36,7 +35,6 @@ class March(ABC):
     ended: Any = None
     found: Any = None
     met: int | None = None
-    shows_blocks = False
 
     @property
     def is_away(self) -> bool:
@@ -69,6 +67,10 @@ class March(ABC):
     @abstractmethod
     def accounts(self) -> Array:
         """Return what is known of each force at the state returned last."""
+
+    def accounts_of_each(self) -> Array:
+        """Return this at each of the states returned last, (m or 1, forces, columns)."""
+        return self.accounts()[None]
 
     @abstractmethod
     def retired(self) -> list[Retirement]:
@@ -122,6 +124,12 @@ class March(ABC):
     @abstractmethod
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced."""
+
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to; if there are several, `states_in_block` are known
+        after it.
+        """
+        return 1
 
     def passed(self, places: Places) -> int:
         """Return how many of these places are in the block just marched, whose `states_in_block` are known."""

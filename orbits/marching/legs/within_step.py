@@ -27,7 +27,7 @@ def state_at(leg: Leg, place: Place) -> States:
     stepper, retired, part = leg.stepper, leg.losses.retired, leg.times.part(place)
     copy = stepper.cold(retired.block, part.clock) if part.is_cold else stepper.copied()
     leg.times.aim_exactly(copy, place)
-    leg.shown, counts = copy, stepper.counts()
+    leg.shown, counts = [copy], stepper.counts()
     retired.begin()
     try:
         while leg.loop.march_copy(copy, part.clock, part.most) == part.most and not part.is_cold:

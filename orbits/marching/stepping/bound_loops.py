@@ -33,6 +33,10 @@ PATH_BYTES = 4 * 1024 * 1024
 LEAST_BLOCK = 16
 """The fewest steps per kernel call, for any number of bodies: the search for close approaches examines its ends."""
 
+KEPT = 1024
+"""The most steps of a block after each of which the carry is recorded, for samples within them: they stay in the cache.
+"""
+
 BLOCK_WORK = 20_000_000
 """The pairs times steps per kernel call: a fraction of a second, after which signals are handled."""
 
@@ -111,6 +115,7 @@ class BoundLoops:
         self._reads_path = self._follower is not None and self._follower.reads_path
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
+        self._keeps = False
         self._begun = aligned(self.state["memory"].shape)[0]
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
@@ -162,7 +167,8 @@ class BoundLoops:
         Returns (status, steps done, body, evaluations); see `orbits.marching.stepping.driver`.
         """
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
+        of_march = path.size or (self._keeps and state is self.state)  # of a copy of the state, nothing is recorded
+        kicks = self.kicks if of_march else self.kicks[:0]
         if self._reads_path:
             self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles
@@ -222,16 +228,27 @@ class BoundLoops:
             for k in sorted({int(p) // WIDTH for p in some}):
                 transform(WIDTH * k, min(WIDTH * (k + 1), count))
 
-    def seen(self, begun: Array, count: int) -> Array:
-        """Return q and v as they are seen before the first of the `count` steps of the last block and after each, for a
-        form that `transforms` and a march with `dense`: (count + 1, 2, padded); begun : the carry before the first.
+    def seen(self, carries: Array, *, low: bool) -> Array:
+        """Return q and v as they are seen where steps left these carries, (m, rows, 8), for a form that `transforms`:
+        (m, 2, padded), or (m, 4, padded) with their low parts.
         """
         width = len(self.state["q"])
-        room, carry = aligned((4, width), begun.shape)
-        path = np.zeros((count + 1, 2, width))
+        room, carry = aligned((4, width), carries.shape[1:])
+        path = np.zeros((len(carries), 4 if low else 2, width))
         bound, room_for_steps = self.bound(self._clock, self.times)[:4], (carry, self._scratch, self._stages)
-        driver.leave_each(*bound, self._clock.h, begun, self.kicks[:count], room, *room_for_steps, path)
+        driver.leave_each(*bound, self._clock.h, carries, room, *room_for_steps, path)
         return path
+
+    @property
+    def most_kept(self) -> int:
+        """The most steps of a block after each of which the carry can be recorded."""
+        return len(self.kicks) or min(self.steps, KEPT)
+
+    def keep_carries(self, wanted: bool) -> None:
+        """Record the carry after each step of the next blocks, or no longer, of a march that is not `dense`."""
+        self._keeps = wanted
+        if wanted and not len(self.kicks):
+            self.kicks = np.empty((self.most_kept, *self.state["memory"].shape))
 
     def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])

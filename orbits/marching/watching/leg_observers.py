@@ -298,7 +298,7 @@ class Observers:
             return None
         if pairs and len(self._stops):
             found = int(self._hits.min())
-        if self._collide and self._touched.min() <= min(found, steps):
+        if pairs and self._collide and self._touched.min() <= min(found, steps):
             return int(self._touched.min()), TOUCHED
         return None if found > steps else (found, SUSPECT)
 
