@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place, Places
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs.samples import Samples
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
@@ -68,10 +70,6 @@ class March(ABC):
     def accounts(self) -> Array:
         """Return what is known of each force at the state returned last."""
 
-    def accounts_of_each(self) -> Array:
-        """Return this at each of the states returned last, (m or 1, forces, columns)."""
-        return self.accounts()[None]
-
     @abstractmethod
     def retired(self) -> list[Retirement]:
         """Return the particles that were retired, in the order of the bodies."""
@@ -92,6 +90,11 @@ class March(ABC):
     @abstractmethod
     def home(self) -> Leg:
         """The leg whose clock the march has."""
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Its states at samples."""
+        return Samples(self)
 
     @property
     def current(self) -> Any:
@@ -124,27 +127,6 @@ class March(ABC):
     @abstractmethod
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced."""
-
-    def together(self, places: Places) -> int:
-        """Return how many of these places the next block may lead to; if there are several, `states_in_block` are known
-        after it.
-        """
-        return 1
-
-    def passed(self, places: Places) -> int:
-        """Return how many of these places are in the block just marched, whose `states_in_block` are known."""
-        return 0
-
-    def states_in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched. Raises an IntegrationError if a partial
-        step to one fails; the march is then at the beginning of the block.
-        """
-        raise NotImplementedError
-
-    def states_ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the march has advanced."""
-        q, v = self.state_at(places.at(0))
-        return q[None], v[None]
 
     @abstractmethod
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
