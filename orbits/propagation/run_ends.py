@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -11,7 +12,9 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.errors import IntegrationError
 from orbits.integrators.base import Integrator
+from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
 from orbits.marching.watching.leg_observers import ENERGY
 from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver
@@ -64,6 +67,16 @@ class RunEnds:
         if found is not None:
             self.note(system, marcher, marcher.time, marcher.state(), *found)
         return found is not None
+
+    def at_end(self, system: System, marcher: March, end: float) -> None:
+        """Note a condition on the ends of steps that holds at the end of the run, if its last step is chosen to end
+        there.
+        """
+        if self.conditions.energy < np.inf and marcher.home.times.end_anywhere:
+            with suppress(IntegrationError):
+                last = within_step.ended_at(marcher.home, end)
+                if last.met == ENERGY:
+                    self.note(system, marcher, last.time, last.state(), *self.conditions.exceeded())
 
     def interrupted(self, system: System, marcher: March, found: Found | None) -> bool:
         """Return whether an event ends the run, and note it; others that interrupt it act."""

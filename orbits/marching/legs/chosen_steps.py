@@ -21,6 +21,7 @@ from orbits.marching.following.retirement import Lost, Retirement
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.particle_losses import close_to_planets
 from orbits.marching.legs.planet_encounters import NOBODY, Clears, Encounter, Rules, returns
+from orbits.marching.legs.problem import Ends
 
 FIRST_BLOCK = 8
 """The most steps of the first block after all bodies left or entered the map; the next ones may be twice as long."""
@@ -62,8 +63,7 @@ class ChosenSteps:
             clock=Adaptive().towards(problem.clock.direction),
             start=0.0,
             forces=(),
-            energy_bound=None,
-            radii=None,
+            ends=Ends(problem.ends.stops),
             underway=False,
             surfaces=None if problem.surfaces_of_bodies is None else problem.surfaces,
         )

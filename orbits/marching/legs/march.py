@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place, Places
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs.samples import Samples
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
@@ -27,7 +29,6 @@ class March(ABC):
     changed : whether its bodies have changed; ended : the row of the collision that ended it, and the bodies there
     found : the event that interrupts it before its next collision
     covers_parts : whether it begins within a step of a map, which it leaves for that
-    shows_blocks : whether states at places within a block are known after it: a march need not stop at each
     """
 
     clock: Clock
@@ -35,7 +36,6 @@ class March(ABC):
     ended: Any = None
     found: Any = None
     covers_parts = False
-    shows_blocks = False
 
     @property
     @abstractmethod
@@ -79,6 +79,11 @@ class March(ABC):
     def home(self) -> Leg:
         """The leg whose clock the march has."""
 
+    @cached_property
+    def samples(self) -> Samples:
+        """Its states at samples."""
+        return Samples(self)
+
     @property
     def current(self) -> Any:
         """The march of the bodies that are there now."""
@@ -110,21 +115,6 @@ class March(ABC):
     @abstractmethod
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced."""
-
-    def passed(self, places: Places) -> int:
-        """Return how many of these places are in the block just marched, whose `states_in_block` are known."""
-        return 0
-
-    def states_in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched. Raises an IntegrationError if a partial
-        step to one fails; the march is then at the beginning of the block.
-        """
-        raise NotImplementedError
-
-    def states_ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the march has advanced."""
-        q, v = self.state_at(places.at(0))
-        return q[None], v[None]
 
     @abstractmethod
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:

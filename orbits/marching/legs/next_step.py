@@ -1,4 +1,4 @@
-"""The next step of a march of the same bodies: how it is taken whatever is met in it, and how to see what lies in it."""
+"""The next step of a march of the same bodies: how it is taken whatever is met in it, and what lies in it."""
 
 from __future__ import annotations
 

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
-from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
@@ -45,7 +44,6 @@ class PlanetExcursions(MarchOfSameBodies):
     covers_parts = True
 
     def __init__(self, problem: Problem, q: Array, v: Array) -> None:
-        assert isinstance(problem.clock, ConstantSteps)
         self.problem, self.clock, self._leaves = problem, problem.clock, Leaves()
         self._map = self._last = Leg(problem, q, v, self._leaves)
         self._leaves.rules = Rules(problem, self._map.observers.dominant)
