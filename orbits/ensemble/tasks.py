@@ -25,8 +25,8 @@ from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.loop import Run, marching, to_its_end
+from orbits.propagation.making_runs import RunOptions, begun, resumed
 from orbits.propagation.marchers import provenance
-from orbits.propagation.run import RunOptions, begun, resumed
 from orbits.propagation.side_by_side import march_in_threads
 from orbits.propagation.variations.megno import megno
 from orbits.system import System

@@ -67,7 +67,7 @@ class MarchesAgain(Protocol):
 class MarchedAgain:
     """The methods of `Trajectory` for states between its samples and for close approaches."""
 
-    marched_again_by: ClassVar[MarchesAgain | None] = None
+    _marched_again_by: ClassVar[MarchesAgain | None] = None
     """The default for trajectories that are opened or made by hand. `orbits.propagation`, an upper layer, sets it when
     it is loaded, which `orbits.Trajectory` causes."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place, Places
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs.samples import Samples
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
@@ -28,7 +30,6 @@ class March(ABC):
     met : why the last block ended, see `orbits.marching.legs.lists_and_bounds.Bounds`
     changed : whether its bodies have changed; ended : the row of the collision that ended it, and the bodies there
     found : the event that interrupts it before its next collision; is_away : whether all bodies have left the map
-    shows_blocks : whether states at places within a block are known after it: a march need not stop at each
     """
 
     clock: Clock
@@ -36,7 +37,6 @@ class March(ABC):
     ended: Any = None
     found: Any = None
     met: int | None = None
-    shows_blocks = False
 
     @property
     def is_away(self) -> bool:
@@ -91,6 +91,11 @@ class March(ABC):
     def home(self) -> Leg:
         """The leg whose clock the march has."""
 
+    @cached_property
+    def samples(self) -> Samples:
+        """Its states at samples."""
+        return Samples(self)
+
     @property
     def current(self) -> Any:
         """The march of the bodies that are there now."""
@@ -122,21 +127,6 @@ class March(ABC):
     @abstractmethod
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced."""
-
-    def passed(self, places: Places) -> int:
-        """Return how many of these places are in the block just marched, whose `states_in_block` are known."""
-        return 0
-
-    def states_in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched. Raises an IntegrationError if a partial
-        step to one fails; the march is then at the beginning of the block.
-        """
-        raise NotImplementedError
-
-    def states_ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the march has advanced."""
-        q, v = self.state_at(places.at(0))
-        return q[None], v[None]
 
     @abstractmethod
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:

@@ -24,7 +24,6 @@ from orbits.integrators.forms import Array
 from orbits.kernels.steps import NEAR_A_PLANET
 from orbits.marching.clocks import variable_steps
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.following.own_clocks import REACHED
@@ -34,7 +33,7 @@ from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.particle_losses import close_to_planets
 from orbits.marching.legs.planet_encounters import NOBODY, Clears, Encounter, Leaves, Rules, returns
-from orbits.marching.legs.problem import Problem
+from orbits.marching.legs.problem import Ends, Problem
 from orbits.marching.legs.record import Record, joined, seen_by
 from orbits.marching.stepping.motion import Motion
 
@@ -69,7 +68,6 @@ class PlanetExcursions(MarchOfSameBodies):
     """
 
     def __init__(self, problem: Problem, q: Array, v: Array) -> None:
-        assert isinstance(problem.clock, ConstantSteps)
         self.problem, self.clock = problem, problem.clock
         leaves, clears = Leaves(), Clears()
         self._map, self._leaves = Leg(problem, q, v, leaves), leaves
@@ -80,8 +78,7 @@ class PlanetExcursions(MarchOfSameBodies):
             clock=steps,
             start=0.0,
             forces=(),
-            energy_bound=None,
-            radii=None,
+            ends=Ends(problem.ends.stops),
             underway=False,
             surfaces=surfaces,
         )

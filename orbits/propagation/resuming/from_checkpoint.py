@@ -22,7 +22,7 @@ from orbits.trajectory.archived import made_by
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
-    from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.propagation.chain_of_legs import ChainOfLegs
 
 
 def taken_up(
@@ -48,7 +48,7 @@ def taken_up(
         restore(marcher, checkpoint, path)
         seeking.restore(checkpoint, marcher.reading != 0, path)
         if seeking.touching or seeking.act:
-            cast("ChangingMarch", marcher).follow_events()
+            cast("ChainOfLegs", marcher).follow_events()
         _check_place(marcher, grid, committed, path)
     return marcher, seeking, accounts
 

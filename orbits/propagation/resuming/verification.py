@@ -21,6 +21,7 @@ from orbits.plotting.words import fitting_time
 from orbits.propagation.marchers import differences
 from orbits.propagation.resuming.recomputing import Compared, recomputed
 from orbits.trajectory import Trajectory
+from orbits.trajectory.stored import of_archive
 
 if TYPE_CHECKING:
     from orbits.propagation.events.base import Sought
@@ -162,7 +163,7 @@ def _verified(
     sound = whole and not damaged
     findings.append(_numbers(archive, damaged, listed=sound))
     if sound and findings[-1].ok:
-        run = Trajectory.of_archive(Archive.open(path), path=path)
+        run = of_archive(Trajectory, Archive.open(path), path=path)
         with run.archive:  # type: ignore[union-attr]
             findings.append(Finding("conserved", _drift(run), None))
     if whole and recompute != "none":
