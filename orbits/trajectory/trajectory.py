@@ -164,9 +164,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
 
     @property
     def span(self) -> tuple[float, float]:
-        """The times from and up to which `run.at` answers, since the epoch, in the unit of time: of the start of the
-        run and of its end, which may lie behind its last sample; of samples alone, as those of run[10:20], the first
-        and the last, and 0 without any.
+        """The first and the last time at which `run.at` answers, since the epoch, in the unit of time.
+
+        These are the start and the end of the run, which may lie beyond its samples; of samples alone, run[10:20], the
+        times of the first and the last one, or zeros without any.
         """
         if self._span is not None:
             return self._span
@@ -374,8 +375,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         if self._place is None:
             return super().__reduce__()
         known: dict[str, Any] = {"_stopped": self.stopped, "_span": self._span, "_record": self._record}
-        known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
-        known |= {"_excursions": self.excursions}
+        known |= {"_again": self._again, "_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
         own = type(self), self._place, len(self), self.statistics, identity_of(self, len(self))
         return reopened, own, known
 
