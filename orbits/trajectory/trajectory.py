@@ -375,15 +375,16 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         if self._place is None:
             return super().__reduce__()
         known: dict[str, Any] = {"_stopped": self.stopped, "_span": self._span, "_record": self._record}
-        known |= {"_again": self._again, "_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
+        known |= {"_again": self._again, "_retired": self.retired}
+        known |= {"_events": self.events, "_excursions": self.excursions}
         own = type(self), self._place, len(self), self.statistics, identity_of(self, len(self))
         return reopened, own, known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
-        known: dict[str, Any] = {"_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
-        known |= {"_accounts": self._own_accounts()}
-        return {**vars(self), **known, "archive": None, "_close": None}
+        known: dict[str, Any] = {"_retired": self.retired, "_accounts": self._own_accounts()}
+        known |= {"_events": self.events, "_excursions": self.excursions, "archive": None, "_close": None}
+        return vars(self) | known
 
     def _repr_html_(self) -> str:
         return as_table(self)
