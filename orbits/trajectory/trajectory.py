@@ -221,8 +221,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         Afterwards their q and v are NaN, and they are absent from `run[k]`.
         """
         if self._retired is None:
-            known = self.archive is not None and self._again is not None
-            self._retired = self._again.retired(self) if known and self._again is not None else RetiredParticles()
+            again = None if self.archive is None else self._again
+            self._retired = RetiredParticles() if again is None else again.retired(self)
         return self._retired
 
     @property
@@ -234,9 +234,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
 
     @property
     def excursions(self) -> Excursions:
-        """When all bodies left a Wisdom–Holman map for encounters of massive ones, and when they returned to it; empty
-        unless the method follows planets there.
-        """
+        """When all bodies left a Wisdom–Holman map that follows planets in encounters, and when they returned to it."""
         if self._excursions is None:
             self._excursions = Excursions.in_archive(self)
         return self._excursions
