@@ -41,6 +41,11 @@ __all__ = [
     "tracks",
 ]
 
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__
+
 Floats = NDArray[np.float64]
 
 AU_KM = 149597870.7
