@@ -143,7 +143,7 @@ def _residuals(scenario: Any, step: Any, system: Any, kernels: list[str], title:
     """Yield how far the runs of a scenario's methods on one system are from ephemerides."""
     from astropy import units as u
 
-    from orbits.propagation.run import propagated
+    from orbits.propagation.making_runs import propagated
     from orbits.regression.of_ephemeris import check_covered, residuals
     from orbits.time_grid import TimeGrid
 

@@ -21,6 +21,7 @@ from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
+from orbits.marching.legs.next_step import pass_by, step_back, take_step
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
 from orbits.propagation.collisions.contacts import Contacts, Outcome
@@ -87,11 +88,6 @@ class ChainOfLegs(March):
         return self._leg.time
 
     @property
-    def reading(self) -> float:
-        """The reading of the clock: whole steps, or the time."""
-        return self.time if self.clock.changes else self.step
-
-    @property
     def home(self) -> Leg:
         """The current leg, or the one whose clock it has."""
         return self._leg.home
@@ -100,17 +96,14 @@ class ChainOfLegs(March):
         """Return the changes so far."""
         return self.bodies.changes()
 
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, numbered as in the system at the start."""
-        return self._numbered(self._leg.retired())
+    def excursions(self) -> tuple[NDArray[np.int64], int] | None:
+        """Return the excursions from the map, and their number; None if there can be none."""
+        return self._leg.excursions()
 
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and the particles that cannot be followed up to a time less than a step ahead."""
-        return self._numbered(self._leg.retired_by(time))
-
-    def _numbered(self, retired: list[Retirement]) -> list[Retirement]:
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, numbered as in the system at the start; by : see `March.retired`."""
         numbers = np.flatnonzero(self.bodies.there)
-        return [lost._replace(body=int(numbers[lost.body])) for lost in retired]
+        return [lost._replace(body=int(numbers[lost.body])) for lost in self._leg.retired(by)]
 
     def accounts(self) -> Array:
         """Return the time integrals of each force up to the state returned last; see `Leg.accounts`."""
@@ -166,15 +159,15 @@ class ChainOfLegs(March):
             if self._seeks:
                 self._events.after(leg)  # the steps before the one that failed
             raise
-        touched = leg.met is not None
+        touched = leg.last.met is not None
         if touched:
-            leg.step_back()
+            step_back(leg)
         self.found = self._events.after(leg) if self._seeks else None
         if touched and self.found is None:
             assert self._contacts is not None
             self._interrupt(self._contacts.in_step_after(leg))
             if leg is self._leg and self.found is None and self.ended is None:
-                leg.pass_by()
+                pass_by(leg)
 
     def _interrupt(self, outcome: Outcome | None) -> None:
         """Do what a contact leads to."""
@@ -210,8 +203,7 @@ class ChainOfLegs(March):
         ahead, direction = self._leg, self.clock.direction
         while (time - ahead.time) * direction > 0.0:
             following = self.bodies.again(ahead)
-            following.advance(1)
-            if following.step == ahead.step:
+            if not take_step(following):
                 return
             yield following
             ahead = following
@@ -223,7 +215,7 @@ class ChainOfLegs(March):
                 self._events.flush()
             self._work = self._work + self._leg.accounts()
             step, self._grid = self._grid + 1, -1
-            self._follow(self.bodies.march(*self._leg.state(), self.clock), self._leg, step)
+            self._follow(self.bodies.march(*self._leg.state(), self.clock), self._leg, step, self.time)
 
     def _steps_before(self, place: Place) -> bool:
         return place.steps > self._grid if self._grid >= 0 else self._leg.is_before(place)
@@ -235,7 +227,9 @@ class ChainOfLegs(March):
             self._contacts.forget()
         clock: Clock = self.clock
         begun, steps, lost = time, start.step, self._leg
-        if not clock.changes:
+        if lost.covers_parts:
+            begun = 0.0
+        elif not clock.changes:
             grid = self._grid if self._grid >= 0 else start.step
             rest = float(clock.time(grid + 1)) - time
             if rest * clock.direction > 0.0:
@@ -247,15 +241,15 @@ class ChainOfLegs(March):
             lost.advance_to(Place(0, time))
         self.bodies.begin_leg()
         there = self.bodies.there
-        self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps)
+        self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps, time)
 
-    def _follow(self, leg: Legs, lost: Legs, step: int) -> None:
-        """Go on with another leg, after `step` steps of its clock; lost : by when particles have been retired."""
+    def _follow(self, leg: Legs, lost: Legs, step: int, time: float) -> None:
+        """Go on with another leg from a time, after `step` steps of its clock; lost : by when particles have been
+        retired.
+        """
         old, self._leg = self._leg, leg
-        leg.home.losses.go_on_from(leg.home, lost.home)
+        leg.go_on_from(lost, step, time)
         leg.home.stepper.take_counts(old.home.stepper)
-        leg.home.times.step = step
-        leg.home.bounds.beware()
         old.close()
 
     # ------------------------------------------------------------------------------------------------- checkpoints

@@ -326,18 +326,18 @@ def _sample(
             return False
         if marcher.is_before(places.at(index)):
             room = 1 if alone or index < singly else max(store.room, 1)
-            last = index + marcher.together(places.between(index, min(index + room, len(grid.goals))))
+            last = index + marcher.samples.together(places.between(index, min(index + room, len(grid.goals))))
             yield places.at(last - 1)
             failure: IntegrationError | None = None
             try:
                 marcher.approach(places.at(last - 1))
             except IntegrationError as error:
                 failure = error
-            passed = marcher.passed(places.between(index, min(last, len(grid)))) if last > index + 1 else 0
+            passed = marcher.samples.passed(places.between(index, min(last, len(grid)))) if last > index + 1 else 0
             q = v = _NOTHING
             if passed:
                 try:
-                    q, v = marcher.states_in_block(places.between(index, index + passed))
+                    q, v = marcher.samples.in_block(places.between(index, index + passed))
                 except IntegrationError:
                     singly = last
                     continue
@@ -347,9 +347,9 @@ def _sample(
                 early = (grid.times[index : index + passed] - found.time) * grid.direction < 0.0
                 passed = int(np.count_nonzero(early))
             elif marcher.step != step:
-                passed = min(passed, marcher.passed(places.between(index, index + passed)))
+                passed = min(passed, marcher.samples.passed(places.between(index, index + passed)))
             if passed:
-                store.add(q[:passed], v[:passed], marcher.accounts_of_each()[:passed])
+                store.add(q[:passed], v[:passed], marcher.samples.accounts()[:passed])
                 index += passed
             bar.update(marcher.time, marcher.step)
             beats.beat_if_due()
@@ -371,8 +371,8 @@ def _sample(
             break
         single = alone or bool(events.interrupts) or events.stops is not None
         most = 1 if single else min(store.room, AT_ONCE, len(grid) - index)
-        q, v = marcher.states_ahead(places.between(index, index + most))
-        sample, accounts = Sample(goal, q[0], v[0]), marcher.accounts_of_each()
+        q, v = marcher.samples.ahead(places.between(index, index + most))
+        sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()
         if watch.interrupted(system, marcher, watch.at_a_bound(marcher, sample)) or particles.reach(sample):
             return False
         if index == len(grid):

@@ -60,7 +60,7 @@ class RunEnds:
             event = self.events.event_of(int(row[NUMBER]))
             self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
             return True
-        found = self.conditions.exceeded() if marcher.met == ENERGY else None
+        found = self.conditions.exceeded() if marcher.current.last.met == ENERGY else None
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is None and self.deadline is not None and self.deadline.over:
             found = self.deadline.words, WallTimeOver(self.deadline.seconds)

@@ -27,7 +27,7 @@ from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.legs.interruptions import LegWatcher
-from orbits.marching.legs.lists_and_bounds import Bounds, EnergyBound, Listing, Refusals
+from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals, energy_bound_of
 from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
@@ -77,11 +77,11 @@ class Leg(MarchOfSameBodies):
             problem.particles,
             state["q"],
             state["v"],
-            problem.stops,
+            problem.ends.stops,
             *limits,
             loops.times,
             len(loops.tasks),
-            problem.radii,
+            problem.ends.radii,
             problem.integrator.follows_kepler,
             order=problem.integrator.order,
             notes_nearest=form.notes_nearest(3 * len(gm)) and not problem.approaches,
@@ -91,7 +91,7 @@ class Leg(MarchOfSameBodies):
         passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
         self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
         self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
-        self.bounds, self.energy = Bounds(), self._energy_bound()
+        self.bounds, self.energy = Bounds(), energy_bound_of(self)
         refusals = Refusals() if problem.integrator.in_encounters.refuse_planets else None
         self.samples, losses = samples_of(self), self.losses if m else None
         watchers = encounters, losses, refusals, self.listing, self.energy, self.bounds, self.samples
@@ -112,19 +112,6 @@ class Leg(MarchOfSameBodies):
     ) -> Leg:
         """Return the leg of a problem with these options; a number h is the clock of constant steps h."""
         return cls(Problem(lagrangian, integrator, parameters, massive, clock_of(clock), **options), q, v)
-
-    def _energy_bound(self) -> EnergyBound | None:
-        """Return what watches the energy, if it has a bound."""
-        most, state = self.problem.energy_bound, self.stepper.state
-        if most is None:
-            return None
-        if self.stepper.form.transforms:
-            raise InputError(
-                f"{self.problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: "
-                "the condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "
-                "run.drift()."
-            )
-        return EnergyBound(self.observers.energy(state["q"], state["v"]), most)
 
     # ------------------------------------------------------------------------------------------- where it is
 
@@ -189,15 +176,6 @@ class Leg(MarchOfSameBodies):
         """Return to the state after the first `steps` steps of the last block."""
         self.loop.go_back(steps)
 
-    def step_back(self) -> None:
-        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
-        self.bounds.beware()
-        self.loop.go_back(self.loop.taken - 1)
-
-    def pass_by(self) -> None:
-        """Take the next step whatever pairs come to their bounds in it."""
-        self.bounds.passes = True
-
     # ------------------------------------------------------------------------------------------- what it shows
 
     def state(self) -> tuple[Array, Array]:
@@ -212,7 +190,7 @@ class Leg(MarchOfSameBodies):
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the leg has advanced; see `orbits.marching.legs.samples`."""
-        q, v = self.samples.ahead(self, Places(np.array([place.steps]), np.array([place.rest])))
+        q, v = self.samples.ahead(Places(np.array([place.steps]), np.array([place.rest])))
         self.shown = self.shown[:1]
         return q[0], v[0]
 
@@ -220,33 +198,9 @@ class Leg(MarchOfSameBodies):
         """Return (q, v) at a time less than a step ahead."""
         return self.state_at(self.times.ahead(offset))
 
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, in the order of the caller's bodies."""
-        return self.losses.listed(self)
-
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and those that cannot be followed up to a time less than a step ahead."""
-        return within_step.retired_by(self, time)
-
-    def towards(self, time: float) -> tuple[Leg, Place]:
-        """Return a leg of the massive bodies that ends at a time less than a step ahead; see `within_step.towards`."""
-        return within_step.towards(self, time)
-
-    def together(self, places: Places) -> int:
-        """Return how many of these places the next block may lead to."""
-        return self.samples.together(self, places)
-
-    def passed(self, places: Places) -> int:
-        """Return how many of these places are in the block just marched."""
-        return self.times.passed(places)
-
-    def states_in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched."""
-        return self.samples.in_block(self, places)
-
-    def states_ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the leg has advanced."""
-        return self.samples.ahead(self, places)
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the caller's bodies; by : see `March.retired`."""
+        return self.losses.listed(self) if by is None or by == self.time else within_step.retired_by(self, by)
 
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a leg with `dense`."""
@@ -255,16 +209,12 @@ class Leg(MarchOfSameBodies):
         if self.stepper.form.transforms:  # observers see states that are good enough for them, not to step on from
             carries = np.concatenate([self.loop.begun["memory"][None], kicks])
             path, kicks = loops.seen(carries, low=False), kicks[:0]
-        times = self.times.for_terms(self.times.ends()), self.times.lengths()
+        times = self.times.ends(), self.times.lengths()
         return Motion(self.stepper.form, *times, path, kicks, self.stepper.partial_steps())
 
     def accounts(self) -> Array:
         """Return what is known of each force at the state returned last; see `Stepper.accounts`."""
         return self.stepper.accounts(self.shown[-1])
-
-    def accounts_of_each(self) -> Array:
-        """Return this at each of the states returned last."""
-        return np.stack([self.stepper.accounts(state) for state in self.shown])
 
     def record(self, end: float) -> Record:
         """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
@@ -298,7 +248,7 @@ class Leg(MarchOfSameBodies):
         self.stepper.evaluations, self.stepper.particle_evaluations = counts
         self.listing.passages.restore(checkpoint)
         self.losses.retired.restore(checkpoint.get("retired"), self.step)
-        if seen and self.stepper.form.transforms:
+        if seen:
             self.stepper.loops.enter(self.stepper.state, self.clock, self.losses.retired.block)
 
     def compile(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from orbits.errors import IntegrationError
+from orbits.errors import InputError, IntegrationError
 from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
 from orbits.marching.stepping.failures import refused_meeting
@@ -107,9 +107,9 @@ class Bounds(LegWatcher):
         """Allow longer blocks, after one in which nothing was met."""
         self._cautious = min(2 * self._cautious, UNLIMITED)
 
-    def beware(self) -> None:
-        """Begin with single steps: the next ones may be alike, and no long block is marched in vain."""
-        self.met, self._cautious = None, 1
+    def beware(self, steps: int = 1) -> None:
+        """Begin with few steps: the next ones may be alike, and no long block is marched in vain."""
+        self.met, self._cautious = None, steps
 
     def look(self, leg: Leg, count: int) -> Interruption | None:
         """Return after which step the leg stops."""
@@ -136,3 +136,19 @@ class EnergyBound(LegWatcher):
             return None
         leg.met = ENERGY
         return Interruption(step, Kind.BOUND)
+
+
+def energy_bound_of(leg: Leg) -> EnergyBound | None:
+    """Return what watches the energy of a leg, before its first step, if it has a bound. Raises InputError for a method
+    of which it cannot be watched.
+    """
+    most, state = leg.problem.ends.energy_bound, leg.stepper.state
+    if most is None:
+        return None
+    if leg.stepper.form.transforms:
+        raise InputError(
+            f"{leg.problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: the "
+            "condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "
+            "run.drift()."
+        )
+    return EnergyBound(leg.observers.energy(state["q"], state["v"]), most)

@@ -9,6 +9,7 @@ particles follow the stages of a step: to each of their samples a copy is marche
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from weakref import proxy
 
 import numpy as np
 
@@ -21,17 +22,48 @@ from orbits.marching.legs.interruptions import LegWatcher
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
+    from orbits.marching.legs.march import March
 
 _NOTHING = np.zeros((0, 2, 0))
 
 
-class Samples(LegWatcher):
-    """States at samples by partial steps from the states at the beginnings of steps.
+class Samples:
+    """States of a march at samples, to each of which it leads in turn."""
 
-    leg : whose samples they are
-    """
+    def __init__(self, march: March) -> None:
+        self._march = march
+
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to: if there are several, those that it `passed` are
+        known after it.
+        """
+        return 1
+
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched."""
+        raise NotImplementedError
+
+    def in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched. Raises an IntegrationError if a partial
+        step to one fails; the march is then at the beginning of the block.
+        """
+        raise NotImplementedError
+
+    def ahead(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the march has advanced."""
+        q, v = self._march.state_at(places.at(0))
+        return q[None], v[None]
+
+    def accounts(self) -> Array:
+        """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
+        return self._march.accounts()[None]
+
+
+class SamplesOfLeg(Samples, LegWatcher):
+    """States of a leg at samples, by partial steps from the states at the beginnings of steps."""
 
     def __init__(self, leg: Leg) -> None:
+        self._leg: Leg = proxy(leg)
         form = leg.stepper.form
         self._transforms, self._recorded = form.transforms, leg.observers.records_all or form.transforms
         self._stays = np.ones((form.carry_rows(3 * len(leg.problem.bodies)), WIDTH))
@@ -39,9 +71,9 @@ class Samples(LegWatcher):
         self._reads_carries = form.transforms or bool(self._stays.any())
         self._most = UNLIMITED
 
-    def together(self, leg: Leg, places: Places) -> int:
-        """Return how many of these places the next block may lead to: it need not end at each."""
-        self._most = UNLIMITED
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to."""
+        leg, self._most = self._leg, UNLIMITED
         if not self._recorded:
             return 1
         if not self._reads_carries:
@@ -57,8 +89,13 @@ class Samples(LegWatcher):
         """Return the most steps of the next block, if the carry after each is recorded."""
         return self._most
 
-    def in_block(self, leg: Leg, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block that was just marched."""
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched."""
+        return self._leg.times.passed(places)
+
+    def in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched."""
+        leg = self._leg
         loops, behind, count = leg.stepper.loops, leg.times.behind(places), leg.loop.taken
         path = _NOTHING if self._transforms else leg.observers.recorded(count)
         carries = None
@@ -66,35 +103,41 @@ class Samples(LegWatcher):
             carries = loops.kicks[np.maximum(behind.steps - 1, 0)]
             carries[behind.steps == 0] = leg.loop.begun["memory"]
         try:
-            return self._behind(leg, path, carries, behind)
+            return self._behind(path, carries, behind)
         except IntegrationError:  # the leg has not passed what is not known
             leg.go_back(0)
             raise
 
-    def ahead(self, leg: Leg, places: Places) -> tuple[Array, Array]:
+    def ahead(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (m, n, 3), at those of these places that lie in the next step with any."""
+        leg = self._leg
         if leg.times.is_at(places.at(0)):
-            return self._of_copy(leg, places)
+            return self._of_copy(places)
         try:
             state, behind = leg.times.ahead_of(leg, places)
             count = len(behind.steps) if self._reads_carries else 0
             carries = np.repeat(state["memory"][None], count, axis=0) if count else None
-            return self._behind(leg, np.stack([state["q"], state["v"]])[None], carries, behind)
+            return self._behind(np.stack([state["q"], state["v"]])[None], carries, behind)
         except IntegrationError:  # no step from there, or no partial one; steps that are chosen anew may lead there
             one = places.between(0, 1)
-            return self.ahead(leg, one) if len(places.steps) > 1 else self._of_copy(leg, one)
+            return self.ahead(one) if len(places.steps) > 1 else self._of_copy(one)
 
-    def _of_copy(self, leg: Leg, places: Places) -> tuple[Array, Array]:
+    def accounts(self) -> Array:
+        """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
+        return np.stack([self._leg.stepper.accounts(state) for state in self._leg.shown])
+
+    def _of_copy(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (1, n, 3), at the first of these places, to which a copy is marched."""
-        q, v = within_step.state_at(leg, places.at(0))
+        q, v = within_step.state_at(self._leg, places.at(0))
         return q[None], v[None]
 
-    def _behind(self, leg: Leg, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
+    def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
         """Return the states behind those of a path, (states, 2, padded).
 
         carries : (m, rows, 8), those with which the steps begin, a copy; None for a form that needs none
         """
-        steps, count, n = behind.steps, len(behind.steps), len(leg.problem.bodies)
+        leg, steps, count = self._leg, behind.steps, len(behind.steps)
+        n = len(leg.problem.bodies)
         if carries is not None and self._transforms:
             path, steps = leg.stepper.loops.seen(carries, low=True), np.arange(count)
         if carries is not None:
@@ -109,26 +152,26 @@ class Samples(LegWatcher):
         return q.reshape(count, 3, n).swapaxes(1, 2), v.reshape(count, 3, n).swapaxes(1, 2)
 
 
-class SamplesOfParticles(Samples):
+class SamplesOfParticles(SamplesOfLeg):
     """States at samples of massive bodies as they are without massless particles, and those of particles, which follow
     the stages of a step, from copies.
     """
 
-    def together(self, leg: Leg, places: Places) -> int:
+    def together(self, places: Places) -> int:
         """Return 1: a block ends before each sample."""
         return 1
 
-    def ahead(self, leg: Leg, places: Places) -> tuple[Array, Array]:
+    def ahead(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (1, n, 3), at the first of these places."""
-        one, bodies = places.between(0, 1), leg.problem.bodies
-        q, v = self._of_copy(leg, one)
+        one, leg = places.between(0, 1), self._leg
+        q, v = self._of_copy(one)
         if not leg.times.is_at(places.at(0)):
-            shown = leg.shown
-            q[:, bodies], v[:, bodies] = super().ahead(leg, one)
+            shown, bodies = leg.shown, leg.problem.bodies
+            q[:, bodies], v[:, bodies] = super().ahead(one)
             leg.shown = shown
         return q, v
 
 
-def samples_of(leg: Leg) -> Samples:
+def samples_of(leg: Leg) -> SamplesOfLeg:
     """Return how the states of a leg at samples come about."""
-    return SamplesOfParticles(leg) if len(leg.problem.particles) else Samples(leg)
+    return SamplesOfParticles(leg) if len(leg.problem.particles) else SamplesOfLeg(leg)

@@ -13,8 +13,7 @@ from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import NOWHERE
-from orbits.marching.clocks import variable_steps
-from orbits.marching.clocks.constant import Clock, ConstantSteps
+from orbits.marching.clocks.constant import Clock
 from orbits.marching.following.contract import Block, Followers
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
 from orbits.marching.following.own_clocks import COLUMNS
@@ -71,7 +70,7 @@ class BoundLoops:
     ) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
         # Coefficients of steps of different lengths are written before each step, others made for each length.
-        self._usual = coefficients_of(form, 1.0).copy() if clock.changes else coefficients_of(form, clock.h)
+        self._usual = clock.coefficients(form)
         self._clock, self._other = clock, (clock, self._usual)
         shape = form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
@@ -104,8 +103,8 @@ class BoundLoops:
             "particle_v_lo": columns,
             "particle_memory": (m, rows, WIDTH),
         }
-        if m and clock.changes:
-            shapes["particle_clock"] = (m, COLUMNS)
+        if self._follower is not None:
+            shapes |= self._follower.more_arrays(m)
         self._stages, self._scratch, *arrays = aligned(
             (self.steps if m else 1, *shape), form.scratch_shape(3 * n), *shapes.values()
         )
@@ -181,12 +180,13 @@ class BoundLoops:
         return status, done, body, evaluations
 
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
-        """Compute what is marched with this clock from what is seen, for a form that `transforms`.
+        """Compute what is marched with this clock from what is seen; nothing for a form that marches this.
 
         retired : see `Retired.block`; these particles are left alone
         """
-        driver.enter_march(*self._transformation(state, clock))
-        self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
+        if self._form.transforms:
+            driver.enter_march(*self._transformation(state, clock))
+            self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
 
     def leave(
         self,
@@ -199,8 +199,9 @@ class BoundLoops:
 
         particles : those of which it is wanted; all by default
         """
-        self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
-        driver.leave_march(*self._transformation(state, clock))
+        if self._form.transforms:
+            self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
+            driver.leave_march(*self._transformation(state, clock))
 
     def _transform_particles(
         self,
@@ -294,15 +295,3 @@ class BoundLoops:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-
-
-def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) -> tuple[Array, float]:
-    """Return what compiled code needs to know of a clock, and the length of its steps, or about that.
-
-    start, steps : of clocks of constant steps, the time at which they began and how many were taken since
-    """
-    if isinstance(clock, ConstantSteps):
-        return clock.numbers(start, steps), clock.h
-    now = state["clock"]
-    now[variable_steps.ORIGIN] = now[variable_steps.TIME]
-    return now, float(now[variable_steps.LENGTH] or clock.direction)

@@ -156,4 +156,4 @@ class BodiesOfRun:
 
 def state_in_step(start: Legs, time: float) -> tuple[Array, Array]:
     """Return (q, v) at a time in the step that begins where a march is."""
-    return within_step.state_at(start.home, start.home.times.place_of(time))
+    return within_step.state_at(start.leg, start.leg.times.place_of(time))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
+from orbits.marching.legs import within_step
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
@@ -92,7 +93,7 @@ class Contacts:
             ahead = self._step_after(march, ())
         elif not self._is_later(ahead.end, time):
             # Several steps, if they become shorter than the one that the clock tried and did not take.
-            ahead = self._step_after(ahead.after, (*ahead.passed, ahead.after.motion()) if self._events else ())
+            ahead = self._step_after(ahead.after, (*ahead.passed, ahead.after.last.motion()) if self._events else ())
         self._ahead = ahead
         return self._first(march, ahead, time)
 
@@ -180,7 +181,7 @@ class Contacts:
         if not self._is_later(time, ahead.start.time):
             return None
         there = self._of.present_massive()
-        for motion, ends in stretches(*ahead.start.towards(time)):
+        for motion, ends in stretches(*within_step.towards(ahead.start.leg, time)):
             if ends:  # so that no zero falls between the motion before the collision and that after it
                 motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
             found = self._events.search(motion)
@@ -193,9 +194,9 @@ class Contacts:
     def _step_after(self, march: Legs, passed: tuple[Motion, ...]) -> Ahead:
         """Search the next step of a march, on a copy; passed : the motion in those before it."""
         after = self._of.again(march, seek=True)
-        after.advance(1)
+        after.home.advance(1)
         end = after.time if after.step > march.step else self._direction * math.inf  # nothing attracts
-        return Ahead(march, after, end, self._impacts(march, after) if after.met is not None else [], passed)
+        return Ahead(march, after, end, self._impacts(march, after) if after.last.met is not None else [], passed)
 
     def _impacts(self, start: Legs, after: Legs) -> list[Impact]:
         """Return the collisions in the step between two states of a march, in the order of time."""
