@@ -74,7 +74,7 @@ def test_a_pericentre_that_lies_beyond_the_end_of_the_run_is_no_reason_to_warn()
 
 @pytest.mark.parametrize(
     ("km", "said"),
-    [(27.4, "at least 20 km"), (850.0, "at least 800 km"), (1640.0, "at least 1,000 km"), (0.0035, "at least 0.003 km")],
+    [(27.4, "at least 20 km"), (850.0, "at least 800 km"), (1640.0, "at least 1,000 km"), (0.35, "at least 0.3 km")],
 )
 def test_a_lower_bound_of_an_error_is_rounded_down(km, said):
     assert at_least(km * u.km) == said
