@@ -22,7 +22,7 @@ from ..coverings import each
         ({"bodies": "Marz"}, UnknownNameError, "there is no body 'Marz'.*Did you mean 'Mars'"),
         ({"bodies": "Earth"}, InputError, "'Earth' is where the observer is; expected other bodies"),
         ({"bodies": ["Mars", "mars"]}, InputError, "both called 'Mars'"),
-        ({"observer": "I4"}, UnknownNameError, "no observer 'I4'; expected a body .*such as '568'.*EarthLocation.from_geodetic"),
+        ({"observer": "I4"}, UnknownNameError, "no observer 'I4'; expected .*'568'.*EarthLocation.from_geodetic"),
         ({"observer": "250"}, InputError, "observatory 250 Hubble Space Telescope has no place on the Earth"),
         ({"observer": (10, 20)}, InputError, r"observer is \(10, 20\); expected a name"),
         ({"observer": EarthLocation([0, 1] * u.m, [0, 1] * u.m, [1, 1] * u.m)}, InputError, "single, finite EarthLoc"),
