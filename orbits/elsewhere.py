@@ -40,8 +40,9 @@ PUBLIC_NAMES = {
 """Counterparts of names from other packages, in lower case."""
 
 FORCES = (
-    "forces other than Newtonian gravity belong to the system: system.with_terms(orbits.terms.ZonalHarmonics(...)); "
-    "a Lagrangian of your own is integrated by orbits.march (docs/lagrangians.md)"
+    "what acts besides Newtonian gravity belongs to the system: system.with_terms(orbits.terms.ZonalHarmonics(...)), "
+    "system.with_forces(orbits.terms.Drag(...)); a Lagrangian of your own is integrated by orbits.march "
+    "(docs/lagrangians.md)"
 )
 END = "the end of a run is duration=..., or until=..., a date or a time since the epoch"
 STEPS = "dt=... makes steps constant; without it they are chosen"
@@ -60,7 +61,7 @@ KEYWORDS = {
     **dict.fromkeys(("times", "t_eval", "saveat", "noutputs", "nout", "exact_finish_time"), SAMPLES),
     **dict.fromkeys(("collision", "exit_min_distance"), "stop=orbits.events.CloserThan(distance) ends a run"),
     "exit_max_distance": "stop=orbits.events.FartherThan(distance) ends a run",
-    "events": "stop=... takes conditions that end a run, and run.closest_approaches() lists the close approaches",
+    "events": "orbits.propagate and orbits.resume take events=..., and run.events is their table",
     **dict.fromkeys(("method", "solver"), 'the method is the second argument: orbits.Gauss(stages=8), or "gauss"'),
     "softening": "it belongs to the system: system.replaced(softening=...)",
     "epoch": "it belongs to the system: system.replaced(epoch=...)",

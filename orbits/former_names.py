@@ -128,14 +128,34 @@ NOW: Mapping[str, Mapping[str, str]] = {
 }
 """The new names, by the owner of the old ones: the module, or a class."""
 
+INTERNAL: Mapping[str, Mapping[str, str]] = {
+    "Trajectory": {
+        "record": "run.closest_approaches() and run.unresolved()",
+        "passages": "run.closest_approaches() and run.unresolved()",
+        "kept": "run.at(times), which reads the steps of a run with dense=True",
+        "accounts": "run.work(), and run.rotation for attitudes and spins",
+        "begun": "run.at(times), or orbits.propagate(run.system, ...) for another run from the same start",
+        "before": "run.at(times), which answers from the start of the run",
+        "blocks": "run[10:20], or run.q[10:20] and run.v[10:20]",
+        "of_archive": "orbits.Trajectory.open(path)",
+        "system_of": "run[k] or run.at(time)",
+        "marched_again_by": "orbits.Trajectory.open(path) or orbits.propagate(...), whose runs can be marched again",
+    },
+}
+"""What to use instead of names that are internal now, by their owner."""
+
 
 def moved(owner: str, name: str) -> str | None:
-    """Return where a former name is now, as the end of a sentence; None for a name that there never was.
+    """Return where a former name is now, or what to use instead, as the end of a sentence; None for a name that there
+    never was.
 
     owner : "orbits", or the name of a class
     """
-    now = NOW.get(owner, {}).get(name)
-    return None if now is None else f": it is {now} now."
+    if (now := NOW.get(owner, {}).get(name)) is not None:
+        return f": it is {now} now."
+    if (instead := INTERNAL.get(owner, {}).get(name)) is not None:
+        return f", which is internal now: use {instead}."
+    return None
 
 
 class _Names(type):

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from orbits.marching.legs.leg import Leg
+from orbits.marching.legs.samples import SamplesOfLeg
 from orbits.propagation import loop
 from orbits.propagation.resuming import sample_store
 
@@ -24,6 +24,6 @@ def after_samples(patch: pytest.MonkeyPatch, count: int | None, act: Callable[[]
         if count in (None, len(taken)):
             act()
 
-    patch.setattr(Leg, "shows_blocks", False)
+    patch.setattr(SamplesOfLeg, "together", lambda samples, places: 1)
     patch.setattr(loop, "AT_ONCE", 1)
     patch.setattr(sample_store.SampleStore, "add", add_and_act)

@@ -142,7 +142,7 @@ def test_the_citation_is_of_this_version():
 
 def test_tables_written_by_hand_have_all_that_is_registered():
     methods, lagrangians, scenarios = (
-        text_of(ROOT / "docs" / f"{page}.md") for page in ("guide/running", "lagrangians", "scenarios")
+        text_of(ROOT / "docs" / f"{page}.md") for page in ("choosing", "lagrangians", "scenarios")
     )
     assert [cls.__name__ for cls in integrators.registry().values() if f"`{cls.__name__}(" not in methods] == []
     assert [key for key in orbits.lagrangians.registry() if f"| `{key.replace('-', '_')}` |" not in lagrangians] == []
@@ -167,11 +167,12 @@ def test_the_readme_is_short_and_its_example_prints_what_it_says(tmp_path, monke
     exec(compile(code, "README.md", "exec"), {})
     printed = capsys.readouterr().out
     assert NUMBER.sub("", printed) == NUMBER.sub("", said)
-    # The last figure is round-off: one or two units in the last place of the energy, by the processor.
+    # The last figure is round-off, a few units in the last place of the energy: another processor may round one
+    # differently, but a figure that has doubled is another one.
     *expected, rounding = figures(said)
     *found, change = figures(printed)
     assert found == expected
-    assert 0.5 * rounding <= change <= 3 * rounding
+    assert 0.6 * rounding <= change <= 1.6 * rounding
     assert (tmp_path / "encounter.png").is_file()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -68,6 +69,14 @@ class Convergence:
     errors: Array
     used: NDArray[np.bool_]
     plateau: float
+
+    def __repr__(self) -> str:
+        if math.isnan(self.order):
+            return f"Convergence(no order: no part of the curve of {len(self.h)} steps is straight)"
+        steps = self.h[self.used]
+        fitted = f"from {len(steps)} of {len(self.h)} steps, {steps.min():.3g} to {steps.max():.3g}"
+        floor = "" if math.isnan(self.plateau) else f"; round-off {self.plateau:.2g}"
+        return f"Convergence(order {self.order:.4g} ± {self.uncertainty:.1g}, {fitted}{floor})"
 
 
 def convergence(h: ArrayLike, errors: ArrayLike) -> Convergence:

@@ -11,6 +11,8 @@ Source: Laskar (1990), Icarus 88, 266, and (1993), Physica D 67, 257; Sidlichovs
 
 from __future__ import annotations
 
+import cmath
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,6 +61,14 @@ class Frequencies:
 
     def __len__(self) -> int:
         return len(self.frequency)
+
+    def __repr__(self) -> str:
+        lines = [f"{'frequency':>14}{'period':>14}{'amplitude':>12}{'phase [rad]':>13}"]
+        for w, a in zip(self.frequency.tolist(), self.amplitude.tolist(), strict=True):
+            period = 2.0 * math.pi / abs(w) if w else math.inf
+            lines.append(f"{w:14.7g}{period:14.7g}{abs(a):12.4g}{cmath.phase(a):13.4f}")
+        left = f"{self.residual:.2g} of the series is left; frequencies in radians per unit of time, resolution "
+        return "\n".join([*lines, f"{left}{self.resolution:.3g}"])
 
     def series(self, t: ArrayLike) -> Complexes:
         """Return the sum of the terms at times t, of any shape."""

@@ -26,6 +26,7 @@ from __future__ import annotations
 from orbits.kernels.binding import dimension, of_record
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, load, store
+from orbits.kernels.search.paths import record_carry
 from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, enter, leave, part
 from orbits.kernels.sums.summation import two_sum
 
@@ -124,15 +125,17 @@ def motion_within(form, coefficients, lengths, path, kicks, steps, fractions, q,
 
 @kernel
 def partial_steps(
-    form, coefficients, unit, tag, parameters, path, starts, times, parts, missing, q, v, room, carry, scratch, stages
+    form, coefficients, unit, tag, parameters, path, starts, times, parts, missing, q, v, carries, room, carry, scratch,
+    stages
 ):  # fmt: skip
     """Write the states after partial steps from recorded states.
 
     coefficients : workspace, like `unit`, those of a step of unit length; both the same for a method without `stretch`
-    path : (states, 2, padded), q and v of each; starts, times, parts : (m,), the state that a partial step begins in,
-        its time, and its length
+    path : (states, 2, padded), q and v of each, or (states, 4, padded), with their low parts
+    starts, times, parts : (m,), the state that a partial step begins in, its time, and its length
     missing : (m,) bool, which to write
     q, v : (m, size), receive the states
+    carries : (m, rows, 8), the carry with which each begins, and that after it; (0, rows, 8) for zeros
     room : (4, padded), carry, scratch, stages : workspace; see `orbits.kernels.steps`
 
     Returns the number of the first partial step that fails, and its status; or (-1, 0).
@@ -145,16 +148,20 @@ def partial_steps(
             begun, h = path[starts[i]], parts[i]
             for k in range(room.shape[1]):
                 room[0, k], room[1, k], room[2, k], room[3, k] = begun[0, k], 0.0, begun[1, k], 0.0
+                if path.shape[1] > 2:
+                    room[1, k], room[3, k] = begun[2, k], begun[3, k]
             if h != 0.0:
                 for row in range(carry.shape[0]):
                     for k in range(carry.shape[1]):
-                        carry[row, k] = 0.0
+                        carry[row, k] = carries[i, row, k] if i < carries.shape[0] else 0.0
                 stretch(method, base, h)
                 enter(method, model, h, state, storage)
                 begin(method, model, times[i], h, state, storage)
                 status, _, _ = part(method, model, times[i], h, state, storage)
                 if status != OK:
                     return i, status
+                if i < carries.shape[0]:
+                    record_carry(carries, i, carry)
                 leave(method, model, h, state, storage)
             for k in range(size):
                 q[i, k], v[i, k] = room[0, k], room[2, k]

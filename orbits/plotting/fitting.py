@@ -24,6 +24,9 @@ GAP = 8.0
 """Points between a title and the next panel, or the edge of the picture."""
 
 
+ROW = "row"
+"""The group of labels that name the row of a panel, not what its axis measures."""
+
 _LABEL = re.compile(r"(.*?)(?: \[(.*)\])?", re.DOTALL)
 """The label of an axis: what it is, and its unit."""
 
@@ -31,7 +34,7 @@ _LABEL = re.compile(r"(.*?)(?: \[(.*)\])?", re.DOTALL)
 class Figures(ScalarFormatter):
     """Figures of an axis whose label tells their common power of ten and offset: a − 0.2864788976 [10⁻¹³ au].
 
-    An axis without a label has them at its end: "×10⁻¹³ + 0.2864788976".
+    An axis without a label, or with one that names its row, has them at its end: "×10⁻¹³ + 0.2864788976".
     """
 
     _own, _made, _any = "", "", False
@@ -41,7 +44,7 @@ class Figures(ScalarFormatter):
         super().set_locs(locs)
         self._any = len(locs) > 0
         label = getattr(self.axis, "label", None)
-        if label is None:
+        if label is None or label.get_gid() == ROW:
             return
         if label.get_text() != self._made:
             self._own = label.get_text()

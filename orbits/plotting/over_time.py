@@ -14,6 +14,7 @@ from orbits.checks import checked_flag
 from orbits.elements import FRAMES
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.plotting import style, words
+from orbits.plotting.fitting import ROW
 from orbits.plotting.histories import TURNING, Histories, histories, last_seen, pieces, primary_of
 from orbits.plotting.pictures import Looks, counted, looks_of, named_in, there
 
@@ -141,7 +142,8 @@ def _one_by_one(
             _own_scale(axes, one.shown(name), name)
             axes.tick_params(labelsize=12)
             axes.grid(color=style.FAINT, lw=0.6)
-        panels[row, 0].set_ylabel(words.short(run.names[i]), fontsize=13, rotation=0.0, ha="right", va="center")
+        named = words.short(run.names[i])
+        panels[row, 0].set_ylabel(named, fontsize=13, rotation=0.0, ha="right", va="center", gid=ROW)
     for axes, name in zip(panels[0], wanted, strict=True):
         axes.set_title(_label(run, name), fontsize=15)
     for axes in panels[-1]:
@@ -243,7 +245,7 @@ def _mark(
         if k is not None:
             value = np.interp(factor * time, t[order], values[order, k], left=np.nan, right=np.nan)
             colour = looks.get(known.bodies[k], {}).get("color", style.GREY)
-            axes.plot(factor * time, value, marks.symbol, ms=6, mec="white", mew=0.5, color=colour, zorder=5)
+            axes.plot(factor * time, value, marks.symbol, ms=11, mec="white", mew=0.5, color=colour, zorder=5)
             any_there = any_there or bool(np.isfinite(value))
     return marks.said if any_there else ""
 

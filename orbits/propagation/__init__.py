@@ -20,7 +20,7 @@ __all__ = ["Trajectory", "propagate", "resume", "state_at"]
 _LATER = {"propagate": "run", "resume": "run", "state_at": "results.dense_output"}
 
 # Trajectories do not import the integrating code; those that are opened or made by hand get it here.
-Trajectory.marched_again_by = REPLAY
+Trajectory._marched_again_by = REPLAY
 
 
 def __getattr__(name: str) -> Any:

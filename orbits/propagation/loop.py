@@ -26,9 +26,7 @@ from orbits.errors import (
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
-from orbits.marching.watching.leg_observers import ENERGY
 from orbits.propagation.checks import kepler_splitting, unresolved_passages
 from orbits.propagation.checks.precision import energy_lost
 from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
@@ -45,6 +43,7 @@ from orbits.propagation.run_ends import ParticlesOfRun, RunEnds, moved_on
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
+from orbits.trajectory.stored import of_archive
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
@@ -265,7 +264,7 @@ def _result(
     if writer is not None:
         # From the file that was written, even if its path now refers to another one.
         path = str(writer.path) if writer.in_place else None
-        return Trajectory.of_archive(writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
+        return of_archive(Trajectory, writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
     q, v, accounts = store.arrays()
     return Trajectory(
         system,
@@ -326,19 +325,19 @@ def _sample(
         if stop.name:
             return False
         if marcher.is_before(places.at(index)):
-            each = alone or not marcher.shows_blocks or index < singly
-            last = index + 1 if each else min(index + max(store.room, 1), len(grid.goals))
+            room = 1 if alone or index < singly else max(store.room, 1)
+            last = index + marcher.samples.together(places.between(index, min(index + room, len(grid.goals))))
             yield places.at(last - 1)
             failure: IntegrationError | None = None
             try:
                 marcher.approach(places.at(last - 1))
             except IntegrationError as error:
                 failure = error
-            passed = 0 if each else marcher.passed(places.between(index, min(last, len(grid))))
+            passed = marcher.samples.passed(places.between(index, min(last, len(grid)))) if last > index + 1 else 0
             q = v = _NOTHING
             if passed:
                 try:
-                    q, v = marcher.states_in_block(places.between(index, index + passed))
+                    q, v = marcher.samples.in_block(places.between(index, index + passed))
                 except IntegrationError:
                     singly = last
                     continue
@@ -348,9 +347,9 @@ def _sample(
                 early = (grid.times[index : index + passed] - found.time) * grid.direction < 0.0
                 passed = int(np.count_nonzero(early))
             elif marcher.step != step:
-                passed = min(passed, marcher.passed(places.between(index, index + passed)))
+                passed = min(passed, marcher.samples.passed(places.between(index, index + passed)))
             if passed:
-                store.add(q[:passed], v[:passed], marcher.accounts())
+                store.add(q[:passed], v[:passed], marcher.samples.accounts()[:passed])
                 index += passed
             bar.update(marcher.time, marcher.step)
             beats.beat_if_due()
@@ -372,8 +371,8 @@ def _sample(
             break
         single = alone or bool(events.interrupts) or events.stops is not None
         most = 1 if single else min(store.room, AT_ONCE, len(grid) - index)
-        q, v = marcher.states_ahead(places.between(index, index + most))
-        sample, accounts = Sample(goal, q[0], v[0]), marcher.accounts()
+        q, v = marcher.samples.ahead(places.between(index, index + most))
+        sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()
         if watch.interrupted(system, marcher, watch.at_a_bound(marcher, sample)) or particles.reach(sample):
             return False
         if index == len(grid):
@@ -390,10 +389,5 @@ def _sample(
     while (found := watch.events.before(marcher.current, grid.end, record=True)) is not None:
         if watch.interrupted(system, marcher, found):
             return False
-    if marcher.clock.changes and watch.conditions.energy < np.inf:
-        with suppress(IntegrationError):
-            # The last step of the march leads beyond the run.
-            end = within_step.ended_at(marcher.current.home, grid.end)
-            if end.met == ENERGY:
-                watch.note(system, marcher, end.time, end.state(), *watch.conditions.exceeded())
+    watch.at_end(system, marcher, grid.end)
     return True

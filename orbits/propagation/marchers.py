@@ -24,7 +24,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.legs.leg import Leg, available_threads
 from orbits.marching.legs.planet_excursions import Legs, PlanetExcursions
-from orbits.marching.legs.problem import Problem
+from orbits.marching.legs.problem import Ends, Problem
 from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.resuming.sample_store import ACCOUNTS, Resumable
@@ -91,10 +91,8 @@ def bound(
         underway=underway,
         names=system.names,
         threads=threads,
-        stops=stops,
         approaches=looks_for_approaches(approaches, integrator, system),
-        energy_bound=None if conditions is None or conditions.energy == np.inf else conditions.energy,
-        radii=radii,
+        ends=Ends(stops, None if conditions is None or conditions.energy == np.inf else conditions.energy, radii),
         surfaces=None if system.radii is None or clock_of(clock).changes else np.asarray(system.radii.value),
     )
     if state is None:  # a march from a state of a run must not be refused where the run itself was not

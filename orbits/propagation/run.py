@@ -5,34 +5,23 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypedDict, Unpack, cast, overload
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack, cast, overload
 
 from orbits import integrators
-from orbits.archive.pace import PACE, Pace
-from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ArchiveError, InputError, shown
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.marching.clocks.adaptive import Adaptive
-from orbits.propagation.checks.before_the_start import check_before_start, check_bodies, check_span
-from orbits.propagation.checks.precision import check_length
-from orbits.propagation.checks.rigid_runs import check_rigid, default_method, is_rigid
-from orbits.propagation.control.heartbeat import Heartbeat, heartbeat_of
-from orbits.propagation.control.stop_conditions import Condition, Conditions, check_callback
+from orbits.propagation.checks.rigid_runs import default_method
+from orbits.propagation.control.heartbeat import heartbeat_of
+from orbits.propagation.control.stop_conditions import Condition
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Sought
-from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Run, march
-from orbits.propagation.march_of_run import march_of_run
-from orbits.propagation.marchers import differences, provenance
+from orbits.propagation.making_runs import Path, RunOptions, begun, resumed
 from orbits.propagation.results.error_estimate import error_bars
-from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
-from orbits.propagation.resuming.marching_again import REPLAY
-from orbits.propagation.resuming.sample_store import checkpoint_of, no_accounts
-from orbits.propagation.resuming.step_store import StepStore, check_memory, continued, room_for_steps
-from orbits.propagation.run_ends import Callback, RunEnds
+from orbits.propagation.run_ends import Callback
 from orbits.propagation.systems import (
     archives_of,
     check_samples,
@@ -44,25 +33,25 @@ from orbits.propagation.systems import (
     threads_of_each,
 )
 from orbits.system import System
-from orbits.system.model import most_inner
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from orbits.archive import ArchiveWriter
-    from orbits.archive.origin import Origin
     from orbits.certificate import Certificate
 
-Path = str | PathLike[str]
 
-
-class Options(TypedDict, total=False):
-    """The options of `propagate`."""
+class _Times(TypedDict, total=False):
+    """The steps, the end and the samples of a run."""
 
     dt: Any
     duration: Any
     until: Any
     samples: Any
+
+
+class Options(_Times, total=False):
+    """The options of `propagate`."""
+
     overwrite: bool
     certificate: bool | Certificate
     stop: Condition | Sequence[Condition]
@@ -257,117 +246,6 @@ def _completed(run: Trajectory, dense: bool, estimated: bool, threads: int | Non
     return run
 
 
-class RunOptions(NamedTuple):
-    """How a run is made on a grid of steps and samples: options of `propagate`, and of `resume`, as they are handed on.
-
-    origin : the scenario with options that makes the run, for its archive
-    """
-
-    archive: Path | None = None
-    overwrite: bool = False
-    certificate: bool | Certificate = False
-    stop: Condition | Sequence[Condition] = ()
-    events: Sought | Sequence[Sought] = ()
-    callback: Callback | None = None
-    check_step: bool | Literal["refuse"] = True
-    approaches: bool | None = None
-    dense: bool = False
-    progress: bool | None = None
-    threads: int | None = None
-    heartbeat: Heartbeat | None = None
-    wall_time: Deadline | None = None
-    origin: Origin | None = None
-
-
-def propagated(system: System, integrator: Integrator, grid: TimeGrid, **options: Any) -> Trajectory:
-    """Propagate `system` on an existing grid of steps and samples; the options are those of `RunOptions`."""
-    return march(begun(system, integrator, grid, RunOptions(**options)))
-
-
-def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOptions) -> Run:
-    """Return a run on an existing grid of steps and samples, ready to be marched."""
-    archive, certificate, dense = how.archive, how.certificate, how.dense
-    conditions = Conditions(how.stop)
-    check_callback(how.callback)
-    seeking = Seeking(system, conditions.beside(how.events), grid.clock.direction)
-    check_bodies(system, integrator)
-    check_rigid(system, grid)
-    marcher = march_of_run(system, integrator, grid.clock, how.threads, seeking, conditions, how.approaches)
-    if grid.clock.changes:
-        check_length(system, grid)
-    check_before_start(system, integrator, grid, how.check_step)
-    watch = RunEnds(conditions, how.callback, bool(how.check_step), seeking, deadline=how.wall_time)
-    accounts = no_accounts(len(grid), len(system.forces), most_inner(system))
-    if dense and seeking.touching:
-        raise InputError(
-            "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
-            "run.at(times) marches on from the preceding sample, through the collisions."
-        )
-    if dense and integrator.in_encounters.follow_planets:
-        raise InputError(
-            "dense=True keeps the steps of one method, but where planets are followed, encounters take others; leave "
-            "it out: run.at(times) marches on from the preceding sample, through the encounters. Where massless "
-            "particles alone may be in encounters, encounters='follow particles' has dense output."
-        )
-    on_motion = [type(event).__name__ for event in seeking.on_motion]
-    if most_inner(system) and (dense or on_motion):
-        kinds = [*dict.fromkeys(type(force).__name__ for force in system.forces if force.variables)]
-        those, change = " and ".join(kinds), "changes" if len(kinds) == 1 else "change"
-        known = "a spin as well, or other internal variables"
-        if is_rigid(system):
-            those, change, known = "rigid bodies", "have", "attitudes and spins as well"
-        what, remedy = "dense=True keeps", (
-            "leave it out: run.at(times) marches on from the preceding sample, with what it is there."
-        )
-        if not dense:
-            what = "events are sought from"
-            remedy = f"leave out {few([*dict.fromkeys(on_motion)])}, or {those}."
-        raise InputError(
-            f"{what} positions and velocities, but {those} {change} {known}; {remedy}"
-        )
-    if dense and any(search.interrupts for search in seeking.particles):
-        raise InputError(
-            "dense=True keeps the steps of a run that goes on, but events of massless bodies with then='stop' end it "
-            "between samples; leave one of the two out: run.at(times) marches on from the preceding sample."
-        )
-    if dense and archive is None:
-        check_memory(system, integrator, grid)
-    steps = StepStore(marcher.current, in_memory=archive is None) if dense else None
-    if archive is None:
-        if certificate is not None and certificate is not False:
-            raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        in_memory = Run(system, integrator, marcher, grid, 0, lambda: None, how.progress, watch, accounts, steps)
-        return in_memory._replace(heartbeat=how.heartbeat)
-    from orbits.archive import ArchiveWriter
-    from orbits.certificate import Certificate, certify
-
-    if not isinstance(certificate, bool | Certificate | None):
-        raise InputError(f"certificate is a {type(certificate).__name__}; expected True or a result of orbits.certify")
-    if certificate is True and isinstance(grid.clock, Adaptive):
-        raise InputError("a certificate needs steps of one length: give dt=..., or omit the certificate")
-    step = grid.clock if grid.clock.changes else grid.h
-    measured = certify(system, integrator, step) if certificate is True else certificate
-
-    def begin() -> ArchiveWriter:
-        return ArchiveWriter.create(
-            archive,
-            system=system,
-            integrator=integrators.describe(integrator),
-            grid=grid,
-            checkpoint=checkpoint_of(marcher, accounts, seeking, pace=Pace()),
-            provenance=provenance(),
-            certificate=measured.to_json() if measured else "",
-            events=seeking.described(),
-            steps=room_for_steps(system, integrator, grid) if dense else 0,
-            origin=how.origin,
-            approaches=marcher.current.problem.approaches,
-            overwrite=how.overwrite,
-        )
-
-    run = Run(system, integrator, marcher, grid, 0, begin, how.progress, watch, accounts, steps)
-    return run._replace(heartbeat=how.heartbeat)
-
-
 class ResumeOptions(TypedDict, total=False):
     """The options of `resume`."""
 
@@ -442,44 +320,3 @@ def resume(
     with released_if_it_fails(runs):
         each(len(paths), take)
     return march_each(runs, threads, how.progress, in_turn=in_turn)
-
-
-def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = True) -> Run | Trajectory:
-    """Return the rest of the run in an archive, ready to be marched; the trajectory if it is complete."""
-    from orbits.archive import Archive, ArchiveWriter, extended
-    from orbits.trajectory.archived import made_by
-
-    # Everything below is read under the lock: no second resume can add to the file after this one has read it.
-    old = Archive.claim(path)
-    try:
-        system, (integrator, _) = old.system, made_by(old)
-        changed = differences(old.provenance)
-        if changed and exactly:
-            raise ArchiveError(
-                f"{path}: this run was made with a different {', '.join(changed)}; its last bits may come out "
-                "differently here. Resume with same_bits=False (--any-bits) to accept that."
-            )
-        if until is not None and not old.complete:
-            raise ArchiveError(f"the run in {path} is not complete yet: resume it without until=..., then extend it")
-        grid = old.grid if until is None else old.grid.extended(system, until)
-        if old.committed == len(grid) and old.complete:
-            old.release()
-            return Trajectory.of_archive(old, path=str(path), again=REPLAY)
-        check_span(system, grid)
-        place = old.checkpoint(), old.committed
-        marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)
-        steps = None if marcher.changed else continued(old, marcher.current)
-    except BaseException:
-        old.close()
-        raise
-
-    def begin() -> ArchiveWriter:
-        now, before = checkpoint_of(marcher, accounts, seeking, pace=Pace()), old.checkpoint()
-        if until is None and now.keys() - {PACE} == before.keys() - {PACE}:
-            return ArchiveWriter.going_on(old)
-        # There are more samples, or a file of an earlier version has no room for the list of retired particles.
-        return extended(old, grid, now)
-
-    watch = RunEnds(Conditions(()), None, True, seeking, last_sample(old, old.committed), how.wall_time)
-    rest = Run(system, integrator, marcher, grid, old.committed, begin, how.progress, watch, accounts, steps)
-    return rest._replace(release=old.close, heartbeat=how.heartbeat)

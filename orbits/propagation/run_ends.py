@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
@@ -11,7 +12,9 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.errors import IntegrationError
 from orbits.integrators.base import Integrator
+from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
 from orbits.marching.watching.leg_observers import ENERGY
 from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver
@@ -27,7 +30,7 @@ from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
-    from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.propagation.chain_of_legs import ChainOfLegs
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
@@ -57,13 +60,23 @@ class RunEnds:
             event = self.events.event_of(int(row[NUMBER]))
             self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
             return True
-        found = self.conditions.exceeded() if marcher.met == ENERGY else None
+        found = self.conditions.exceeded() if marcher.current.last.met == ENERGY else None
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is None and self.deadline is not None and self.deadline.over:
             found = self.deadline.words, WallTimeOver(self.deadline.seconds)
         if found is not None:
             self.note(system, marcher, marcher.time, marcher.state(), *found)
         return found is not None
+
+    def at_end(self, system: System, marcher: March, end: float) -> None:
+        """Note a condition on the ends of steps that holds at the end of the run, if its last step is chosen to end
+        there.
+        """
+        if self.conditions.energy < np.inf and marcher.home.times.end_anywhere:
+            with suppress(IntegrationError):
+                last = within_step.ended_at(marcher.home, end)
+                if last.met == ENERGY:
+                    self.note(system, marcher, last.time, last.state(), *self.conditions.exceeded())
 
     def interrupted(self, system: System, marcher: March, found: Found | None) -> bool:
         """Return whether an event ends the run, and note it; others that interrupt it act."""
@@ -77,12 +90,12 @@ class RunEnds:
             try:
                 changed = then.act(happening)
                 if changed is not None:
-                    cast("ChangingMarch", marcher).change(happening.kind, found.time, *state, happening.system, changed)
+                    cast("ChainOfLegs", marcher).change(happening.kind, found.time, *state, happening.system, changed)
             except Exception:
                 self.events.log.drop_from(found.time)  # a run that is resumed acts there
                 raise
             if changed is not None:
-                self.events.follow(cast("ChangingMarch", marcher).now)
+                self.events.follow(cast("ChainOfLegs", marcher).bodies.now())
             return False
         self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
         self.end_at(system, marcher, happening, found.time, state)
@@ -105,7 +118,7 @@ class RunEnds:
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
         if self.events.touching or self.events.act:
-            return self.events.before_in(cast("ChangingMarch", marcher).steps_beyond(time), time)
+            return self.events.before_in(cast("ChainOfLegs", marcher).steps_beyond(time), time)
         found = None
         if self.events.stops is not None:
             found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))

@@ -21,7 +21,7 @@ from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.legs.leg import available_threads
 from orbits.point_masses import PointMasses
-from orbits.propagation.run import propagated
+from orbits.propagation.making_runs import propagated
 from orbits.regression import peers
 from orbits.regression import tolerances as tolerance
 from orbits.regression.conserved_quantities import Invariants

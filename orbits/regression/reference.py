@@ -288,7 +288,7 @@ def converged(
     Raises IntegrationError if the stages do not converge.
     """
     from orbits.integrators.gauss import Gauss
-    from orbits.propagation.run import propagated
+    from orbits.propagation.making_runs import propagated
 
     named = with_unit(f"{grid.dt:.6g}", system.units.time)
 

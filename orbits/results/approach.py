@@ -122,6 +122,15 @@ def about(error: u.Quantity) -> str:
     return text if text.startswith("less") else f"about {text}"
 
 
+def at_least(error: u.Quantity) -> str:
+    """Return the same where the error is a lower bound, rounded down to one digit: "at least 20 km"."""
+    least = MILLIMETRE if error.unit.is_equivalent(u.km) else ROUND_OFF
+    if not np.isfinite(error) or error < least:
+        return said(error)
+    size = 10.0 ** math.floor(math.log10(error.value))
+    return f"at least {with_unit(two_digits(math.floor(error.value / size) * size), error.unit)}"
+
+
 def two_digits(x: float) -> str:
     """Return a number to two digits, without a power of ten as long as it is readable."""
     rounded = float(f"{x:.2g}")

@@ -107,7 +107,7 @@ class StateTransition:
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         unit = self.system.units.time
-        head = ["body", "q by q", headed("q by v", unit), headed("v by q", 1 / unit), "v by v"]
+        head = ["body", "q by q", headed("q by v", unit), headed("v by q", unit**-1), "v by v"]
         last, rows = self.matrix.reshape(-1, *self.matrix.shape[-2:])[-1], []
         for i, name in enumerate(self.names[:MOST_SHOWN]):
             own = np.abs(last[6 * i : 6 * i + 6, 6 * i : 6 * i + 6]).reshape(2, 3, 2, 3)

@@ -148,7 +148,8 @@ class Runs:
         return Interrupted(f"{what}; {stored}", remedy, trajectory=run)
 
     def _run(self, name: str, method: Integrator, pace: Pace) -> Trajectory:
-        from orbits.propagation.run import propagated, resume
+        from orbits.propagation.making_runs import propagated
+        from orbits.propagation.run import resume
 
         path = self.archives[name, method.label]
         pacing: dict[str, Any] = pace._asdict()

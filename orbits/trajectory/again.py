@@ -67,7 +67,7 @@ class MarchesAgain(Protocol):
 class MarchedAgain:
     """The methods of `Trajectory` for states between its samples and for close approaches."""
 
-    marched_again_by: ClassVar[MarchesAgain | None] = None
+    _marched_again_by: ClassVar[MarchesAgain | None] = None
     """The default for trajectories that are opened or made by hand. `orbits.propagation`, an upper layer, sets it when
     it is loaded, which `orbits.Trajectory` causes."""
 
@@ -131,8 +131,8 @@ class MarchedAgain:
         """Return the closest approaches of bodies between the start and the last step.
 
         They include all flybys within the reach of a body, each with the error it causes at the end of the run.
-        The distance of a body far out from a star whose inner planets make it swing is known to the amplitude of this
-        swing: one looks as often as the body itself moves.
+        The search samples the motion of each body on its own time scale: where inner planets make a star swing, the
+        distance of a body far out is known to the amplitude of this swing.
         Raises InputError for a run that did not look for them (see `approaches` of `propagate`), and for a trajectory
         that was not made by `propagate` or `resume`.
         """

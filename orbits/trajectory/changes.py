@@ -13,6 +13,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.body_names import few
 from orbits.errors import ArchiveError
 from orbits.trajectory.retired import absent, moved
 
@@ -59,6 +60,10 @@ class Legs:
     names: tuple[str, ...]
     gm: u.Quantity
     radii: u.Quantity | None
+
+    def __repr__(self) -> str:
+        count = len(self.names)
+        return f"Legs({count} bod{'y' if count == 1 else 'ies'} from t = {self.time:g} on: {few(self.names)})"
 
 
 class Changes:

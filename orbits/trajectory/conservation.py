@@ -50,6 +50,8 @@ NO_CENTRE = "the centre of mass was set in motion, or moved, by a change of the 
 
 NOT_KEPT = "angular momentum is not conserved: terms have different poles, or turn about one"
 
+ULPS = "ulp: the unit in the last place of a float64, 1.1e-16 to 2.2e-16 of it"
+
 BLOCK_BYTES = 32 * 1024 * 1024
 """The part of a run that is in memory at a time while a quantity of all samples is computed."""
 
@@ -100,7 +102,7 @@ class ConservedQuantities:
         rows = [f"{'':18}{'max change':>12}{'in ulps':>10}{'at the end':>12}"]
         for name, d in self._drifts.items():
             rows.append(f"{name:18}{d.max_fraction:12.2e}{d.max_ulps:10.3g}{d.last_fraction:12.2e}")
-        rows += self.remarks
+        rows += [f"({ULPS})", *self.remarks]
         rows += [self.covers] if self.particles else []
         return "\n".join(rows)
 
@@ -113,7 +115,7 @@ class ConservedQuantities:
             for name, d in self._drifts.items()
         ]
         covers = "".join(f"; {remark}" for remark in self.remarks) + (f"; {self.covers}" if self.particles else "")
-        return html_table(f"change since the first sample, as a fraction{covers}", head, rows)
+        return html_table(f"change since the first sample, as a fraction; {ULPS}{covers}", head, rows)
 
     @property
     def _lost(self) -> bool:

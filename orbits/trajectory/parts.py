@@ -1,12 +1,20 @@
-"""Parts of a `Trajectory`: the cost of a run, the trajectory of one body."""
+"""Parts of a `Trajectory`: the cost of a run, the trajectory of one body, all samples as one array."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+import numpy as np
 from astropy import units as u
+from numpy.typing import NDArray
 
 from orbits.system.presenting import span
+
+if TYPE_CHECKING:
+    from orbits.protocols import Samples
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -38,3 +46,11 @@ class BodyTrajectory:
 
     def __repr__(self) -> str:
         return f"BodyTrajectory({self.name}, {len(self.t)} samples, {span(self.t)})"
+
+
+def as_array(samples: Samples) -> Array:
+    """Return all samples as one read-only array; those in an archive are memory-mapped, not read."""
+    mapped = getattr(samples, "mapped", None)
+    array: Array = samples[:] if mapped is None else mapped()
+    array.flags.writeable = False
+    return array

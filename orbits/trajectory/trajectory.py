@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -13,29 +12,31 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import few, index_of
+from orbits.body_names import index_of
 from orbits.checks import finite_numbers, place_in
-from orbits.errors import ArchiveError, InputError, shown, with_unit
-from orbits.export import Labelled, Tabular, html_pairs
+from orbits.errors import InputError, shown, with_unit
+from orbits.export import Labelled, Tabular
 from orbits.former_names import Renamed
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.clocks.variable_steps import ChangingSteps
-from orbits.system import OrbitalElements, System, osculating
+from orbits.system import OrbitalElements, System
 from orbits.system.model import continued, most_inner
-from orbits.system.new_bodies import primary_name
-from orbits.system.presenting import NANOSECONDS, labelled_run, span
+from orbits.system.presenting import NANOSECONDS
 from orbits.trajectory.again import MarchedAgain
-from orbits.trajectory.archived import changes_of, identity_of, made_by
+from orbits.trajectory.archived import identity_of
 from orbits.trajectory.changes import Changes, Legs, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.excursions import Excursions
-from orbits.trajectory.parts import BodyTrajectory, Statistics
+from orbits.trajectory.osculating import elements_of
+from orbits.trajectory.parts import BodyTrajectory, Statistics, as_array
+from orbits.trajectory.presented import as_line, as_table, labelled
 from orbits.trajectory.retired import RetiredParticles, absent, moved
 from orbits.trajectory.rotation import Rotation
+from orbits.trajectory.stored import of_archive, reopened
 from orbits.trajectory.work import accounts_of
-from orbits.units import date_text, written
+from orbits.units import written
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -127,7 +128,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         self._record = record
         self._passages: Any = None
         self.error_bars: ErrorBars | None = None
-        self._again = self.marched_again_by if again is None else again
+        self._again = self._marched_again_by if again is None else again
         self._retired = retired
         self._events: Events | None = None
         self._excursions: Excursions | None = None
@@ -144,48 +145,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         """
         from orbits.archive import Archive
 
-        return cls.of_archive(Archive.open(path), path=str(path), statistics=statistics)
-
-    @classmethod
-    def of_archive(
-        cls,
-        archive: Archive,
-        *,
-        path: str | None,
-        statistics: Statistics | None = None,
-        again: MarchesAgain | None = None,
-    ) -> Trajectory:
-        """Return the trajectory in an open archive, which is closed with it, or at once if this fails.
-
-        path : where it can be opened again, or None; again : as in `Trajectory`
-        Raises ArchiveError for an unknown method, and for an invalid certificate.
-        """
-        try:
-            integrator, certificate = made_by(archive)
-            run = cls(
-                archive.system,
-                archive.times[: archive.committed],
-                archive.q,
-                archive.v,
-                step=archive.grid.clock,
-                integrator=integrator,
-                statistics=statistics,
-                complete=archive.complete,
-                path=path,
-                certificate=certificate,
-                again=again,
-                kept=archive.steps,
-                close=archive.close,
-            )
-        except BaseException:
-            archive.close()
-            raise
-        run.archive = archive
-        run.changes = changes_of(archive)
-        if run.changes is not None and run.changes.begin_legs:
-            run._kept = None  # steps are of the bodies of the start
-        run._span = 0.0, archive.reached
-        return run
+        return of_archive(cls, Archive.open(path), path=str(path), statistics=statistics)
 
     def close(self) -> None:
         """Close the archive behind this trajectory; nothing can be read from it afterwards."""
@@ -204,9 +164,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
 
     @property
     def span(self) -> tuple[float, float]:
-        """The times from and up to which `run.at` answers, since the epoch, in the unit of time: of the start of the
-        run and of its end, which may lie behind its last sample; of samples alone, as those of run[10:20], the first
-        and the last, and 0 without any.
+        """The first and the last time at which `run.at` answers, since the epoch, in the unit of time.
+
+        These are the start and the end of the run, which may lie beyond its samples; of samples alone, run[10:20], the
+        times of the first and the last one, or zeros without any.
         """
         if self._span is not None:
             return self._span
@@ -246,12 +207,12 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
     @property
     def q(self) -> u.Quantity:
         """Positions, shape (n, bodies, 3), read-only. Those in an archive are read when they are used: run.q[-1]."""
-        return u.Quantity(_as_array(self._q), self.system.units.length, copy=False)
+        return u.Quantity(as_array(self._q), self.system.units.length, copy=False)
 
     @property
     def v(self) -> u.Quantity:
         """Velocities, shape (n, bodies, 3), read-only. Those in an archive are read when they are used: run.v[-1]."""
-        return u.Quantity(_as_array(self._v), self.system.units.speed, copy=False)
+        return u.Quantity(as_array(self._v), self.system.units.speed, copy=False)
 
     @property
     def retired(self) -> RetiredParticles:
@@ -260,8 +221,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         Afterwards their q and v are NaN, and they are absent from `run[k]`.
         """
         if self._retired is None:
-            known = self.archive is not None and self._again is not None
-            self._retired = self._again.retired(self) if known and self._again is not None else RetiredParticles()
+            again = None if self.archive is None else self._again
+            self._retired = RetiredParticles() if again is None else again.retired(self)
         return self._retired
 
     @property
@@ -273,9 +234,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
 
     @property
     def excursions(self) -> Excursions:
-        """When all bodies left a Wisdom–Holman map for encounters of massive ones, and when they returned to it; empty
-        unless the method follows planets there.
-        """
+        """When all bodies left a Wisdom–Holman map that follows planets in encounters, and when they returned to it."""
         if self._excursions is None:
             self._excursions = Excursions.in_archive(self)
         return self._excursions
@@ -325,9 +284,9 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         expected = 'a name, run["Sun"], a sample, run[-1], or a slice, run[10:20]'
         k = place_in(len(self), key, "run", "samples", expected)
         accounts = accounts_of(self)[k] if most_inner(self.system) else None
-        return self.system_of(self._q[k], self._v[k], float(self.times[k]), accounts)
+        return self._system_of(self._q[k], self._v[k], float(self.times[k]), accounts)
 
-    def system_of(self, q: Array, v: Array, time: float, accounts: Array | None = None) -> System:
+    def _system_of(self, q: Array, v: Array, time: float, accounts: Array | None = None) -> System:
         """Return the `System` of a state of this run, (bodies, 3) each, without particles that are retired by then.
 
         accounts : (forces, 7 + inner), those of a state of forces with internal variables
@@ -350,42 +309,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         Bodies that merged before the first of these samples are left out.
         Raises as `System.elements` does.
         """
-        values = self.system.values
-        there, gm = self._common_masses()
-        names = tuple(name for name, stays in zip(self.names, there, strict=True) if stays)
-        primary = primary_name(names, gm, primary)
-        q, v = (_as_array(x) if there.all() else _as_array(x)[:, there] for x in (self._q, self._v))
-        gone = None
-        if len(self.retired):
-            gone = absent(q, v, self.system.massive[there])
-            q, v = (np.where(gone[..., None], x, y) for x, y in ((values.q[there], q), (values.v[there], v)))
-        found = osculating(
-            names,
-            gm,
-            q,
-            v,
-            units=self.system.units,
-            primary=primary,
-            frame=self.system.frame if frame is None else frame,
-            t=self.times,
-            epoch=self.system.epoch,
-        )
-        return found if gone is None else found.blank(gone[:, [names.index(name) for name in found.names]])
-
-    def _common_masses(self) -> tuple[NDArray[np.bool_], Array]:
-        """Return which bodies are there at all samples, (bodies,), and their GM. Raises InputError if that changes."""
-        there = np.ones(len(self.names), dtype=bool)
-        if self.changes is None or not self.changes.acted_on_massive or not len(self):
-            return there, self.system.values.gm
-        bodies = self.changes.over(self.times)
-        if (bodies.gm != bodies.gm[0]).any() or (bodies.present != bodies.present[0])[:, self.system.massive].any():
-            raise InputError(
-                "bodies merge, or masses change, between these samples, so that their elements have no common masses; "
-                "take them sample by sample, run[k].elements(), or from samples between two changes, "
-                "run[10:20].elements(); run.legs has the times of the changes."
-            )
-        there = bodies.present[0] | ~self.system.massive
-        return there, bodies.gm[0, there]
+        return elements_of(self, primary, self.system.frame if frame is None else frame)
 
     def plot(self, kind: str = "paths", **options: Any) -> Any:
         """Return a picture of the run, a matplotlib Figure.
@@ -409,7 +333,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         except (TypeError, ValueError) as error:
             raise InputError(f"run[{shown(samples)}]: expected whole numbers, such as run[10:20] ({error}).") from None
         some = self._with_samples(
-            times, _as_array(self._q)[samples], _as_array(self._v)[samples], certificate=self.certificate
+            times, as_array(self._q)[samples], as_array(self._v)[samples], certificate=self.certificate
         )
         some._accounts = self._own_accounts()
         some._accounts = None if some._accounts is None else some._accounts[samples]
@@ -442,78 +366,29 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         return list(self.names)
 
     def _labelled(self, bodies: Sequence[str] | None) -> Labelled:
-        known: dict[str, str | float] = {"integrator": self.integrator.label}
-        if isinstance(self.clock, ChangingSteps):
-            known["steps"] = self.clock.attribute(self.integrator)
-        elif not math.isnan(self.step):
-            known["dt"] = abs(self.step)
-        over = None
-        if self.changes is not None and len(self.legs) > 1:
-            bodies_then = self.changes.over(self.times)
-            massless = ~self.system.massive  # those that are retired keep the radius that they had
-            over = tuple(np.where(bodies_then.present | massless, x, np.nan) for x in bodies_then[1:])
-        samples = _as_array(self._q), _as_array(self._v)
-        found = labelled_run(self.system, self.times, *samples, bodies, known, over)
-        if not self.system.rigid or self._own_accounts() is None:
-            return found
-        return replace(found, variables={**found.variables, **self.rotation.labelled(found.names)})
+        return labelled(self, bodies)
 
     def __reduce__(self) -> Any:
         """Copy and pickle samples in memory, or the path of an archive, so that both read the same file."""
         if self._place is None:
             return super().__reduce__()
         known: dict[str, Any] = {"_stopped": self.stopped, "_span": self._span, "_record": self._record}
-        known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
-        known |= {"_excursions": self.excursions}
-        return _reopened, (self._place, len(self), self.statistics, identity_of(self, len(self))), known
+        known |= {"_again": self._again, "_retired": self.retired}
+        known |= {"_events": self.events, "_excursions": self.excursions}
+        own = type(self), self._place, len(self), self.statistics, identity_of(self, len(self))
+        return reopened, own, known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
-        known: dict[str, Any] = {"_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
-        known |= {"_accounts": self._own_accounts()}
-        return {**vars(self), **known, "archive": None, "_close": None}
+        known: dict[str, Any] = {"_retired": self.retired, "_accounts": self._own_accounts()}
+        known |= {"_events": self.events, "_excursions": self.excursions, "archive": None, "_close": None}
+        return vars(self) | known
 
     def _repr_html_(self) -> str:
-        epoch = self.system.epoch
-        begun = "none" if epoch is None else f"{date_text(epoch, between='T')} TDB"
-        pairs = {"bodies": few(self.names), "epoch": begun}
-        pairs |= {"units": self.system.units.name}
-        if self._stopped is not None:
-            pairs |= {"stopped": self._stopped.reason}
-        elif self.archive is not None and self.archive.ended.how:
-            pairs |= {self.archive.ended.how: self.archive.ended.why}
-        if len(self.retired):
-            pairs |= {"retired": few(self.retired.names)}
-        if self.excursions.total:
-            pairs |= {"excursions": f"{self.excursions.total:,}"}
-        if self.statistics is not None:
-            pairs |= {"steps": f"{self.statistics.steps:,} in {self.statistics.wall_time:.3g} s"}
-        if self._kept is not None:
-            pairs |= {"dense output": f"from {len(self._kept):,} states"}
-        if self.certificate is not None:
-            pairs |= {"certificate": "holds" if self.certificate.ok else "; ".join(self.certificate.failures)}
-        return html_pairs(repr(self), pairs.items())
+        return as_table(self)
 
     def __repr__(self) -> str:
-        where = f", in {self.path}" if self.path else ""
-        state = "" if self.complete else ", incomplete"
-        gone = {"merged": self._merged(), "retired": len(self.retired)}
-        lost = ", ".join(f"{count:,} {how}" for how, count in gone.items() if count)
-        lost = f" ({lost})" if lost else ""
-        bodies = f"{len(self.names)} bod{'y' if len(self.names) == 1 else 'ies'}"
-        what = f"{bodies}{lost}, {len(self)} sample{'s' * (len(self) != 1)}, {span(self.t)}"
-        if self._reached != self._last_time and (self.complete or self._has_stopped):
-            what += f" of a run to {with_unit(f'{self._reached:.6g}', self.system.units.time)}"
-        if count := self.excursions.total:
-            what += f", {count:,} excursion{'s' * (count > 1)} from the map"
-        return f"Trajectory({what}; {self.made_by}{state}{where})"
-
-    def _merged(self) -> int:
-        """Return how many massive bodies are gone by the end of the run, or the last of these samples."""
-        if self.changes is None:
-            return 0
-        end = self.changes.bodies_at(self._last_time if self._span is None else self._span[1])
-        return int((self.system.massive & ~end.present).sum())
+        return as_line(self)
 
     def _sample(self, k: int) -> tuple[Array, Array]:
         """Return q and v of sample k, (bodies, 3), as numbers in the system's units."""
@@ -522,25 +397,3 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
     def _epoch(self) -> None:
         if self.system.epoch is None:
             raise InputError("this system has no epoch; use System(..., epoch=...) to get dates instead of times.")
-
-
-def _reopened(path: str, samples: int, statistics: Statistics | None, identity: str) -> Trajectory:
-    """Return the run in an archive for a copy, checking that it still has these samples and this identity."""
-    run = Trajectory.open(path, statistics=statistics)
-    try:
-        if len(run) < samples:
-            raise ArchiveError(f"{path} has {len(run)} samples; expected the {samples} of the run that was copied.")
-        if identity_of(run, samples) != identity:
-            raise ArchiveError(f"{path} now has another run; expected the one that was copied.")
-    except BaseException:
-        run.close()
-        raise
-    return run
-
-
-def _as_array(samples: Samples) -> Array:
-    """Return all samples as one read-only array; those in an archive are memory-mapped, not read."""
-    mapped = getattr(samples, "mapped", None)
-    array: Array = samples[:] if mapped is None else mapped()
-    array.flags.writeable = False
-    return array

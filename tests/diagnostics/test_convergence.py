@@ -82,3 +82,12 @@ def test_lists_that_do_not_fit_are_refused():
         diagnostics.convergence([0.1, 0.2], [1.0])
     with pytest.raises(InputError, match="h > 0"):
         diagnostics.convergence([0.1, 0.0], [1.0, 1.0])
+
+
+def test_a_measured_order_is_printed_without_its_arrays():
+    h = 0.5 ** (0.5 * np.arange(12))
+    found = diagnostics.convergence(h, 3.0 * h**4)
+    assert str(found).startswith("Convergence(order 4 ± ")
+    steps = found.h[found.used]
+    assert f"from {len(steps)} of 12 steps, {steps.min():.3g} to {steps.max():.3g})" in str(found)
+    assert "no order" in str(diagnostics.convergence(h, np.ones(12)))

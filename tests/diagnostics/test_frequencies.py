@@ -140,3 +140,13 @@ def test_series_that_cannot_be_analysed_are_refused(changes, message):
 def test_times_with_a_unit_are_refused_with_the_call_that_takes_it_off():
     with pytest.raises(InputError, match=r"t is in yr; expected plain numbers, such as run\.t\.to_value\(u\.yr\)"):
         diagnostics.frequency_analysis(np.arange(99.0) * u.yr, np.ones(99), 1)
+
+
+def test_terms_are_printed_as_a_table_with_words_above_each_column():
+    t = np.arange(4096) * 0.25
+    found = diagnostics.frequency_analysis(t, series(t, [0.5, -1.25], [2.0 * np.exp(0.3j), 0.1]), terms=2)
+    head, first, second, last = str(found).splitlines()
+    assert head.split() == ["frequency", "period", "amplitude", "phase", "[rad]"]
+    assert first.split() == ["0.5", "12.56637", "2", "0.3000"]
+    assert [float(x) for x in second.split()] == pytest.approx([-1.25, 5.026548, 0.1, 0.0], abs=1e-7)
+    assert "of the series is left; frequencies in radians per unit of time, resolution 0.00614" in last

@@ -21,12 +21,12 @@ from .processes import ended, is_stopped, start, wait_for
 # Stops itself with what it found in the file in its hands, before it goes on.
 RESUME = """
 import orbits
-from orbits.propagation import run
-differences = run.differences
+from orbits.propagation import making_runs
+differences = making_runs.differences
 def stop_first(recorded):
     os.kill(os.getpid(), signal.SIGSTOP)
     return differences(recorded)
-run.differences = stop_first
+making_runs.differences = stop_first
 until = None if sys.argv[2] == "-" else sys.argv[2]
 print(len(orbits.resume(sys.argv[1], until=until, progress=False, threads=1)))
 """

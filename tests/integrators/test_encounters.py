@@ -8,6 +8,7 @@ from orbits.kernels.search.record import DISTANCE2, DOMINANT, OTHER, PARTNER, SP
 from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
+from orbits.marching.legs.problem import Ends
 from orbits.marching.watching.leg_observers import ENERGY, SUSPECT
 
 from ..problems import belt
@@ -107,7 +108,7 @@ def test_the_record_does_not_depend_on_how_the_march_is_cut_nor_on_threads(threa
 def test_a_march_stops_after_the_step_in_which_a_pair_comes_to_its_bound():
     stops = np.array([[CLOSER, 0, 1, 0.5**2]])
     for gm in ((0.999, 0.001), (1.0, 0.0)):
-        run, plain = ellipse(0.6, 0.04, gm, stops=stops), ellipse(0.6, 0.04, gm)
+        run, plain = ellipse(0.6, 0.04, gm, ends=Ends(stops)), ellipse(0.6, 0.04, gm)
         run.advance(1000)
         assert run.met == SUSPECT
         for _ in range(run.step - 1):
@@ -121,7 +122,7 @@ def test_a_march_stops_after_the_step_in_which_a_pair_comes_to_its_bound():
 
 def test_a_march_stops_where_a_pair_was_closer_within_a_step():
     stops = np.array([[CLOSER, ANY, ANY, 0.02**2]])
-    run = marcher([1e-12, 0.0], [[0, 0, 0], [-10.0, 0.01, 0]], [[0, 0, 0], [1.0, 0, 0]], 3.0, stops=stops)
+    run = marcher([1e-12, 0.0], [[0, 0, 0], [-10.0, 0.01, 0]], [[0, 0, 0], [1.0, 0, 0]], 3.0, ends=Ends(stops))
     run.advance(8)
     assert run.step == 4
     assert run.met == SUSPECT
@@ -129,7 +130,7 @@ def test_a_march_stops_where_a_pair_was_closer_within_a_step():
 
 def test_a_march_stops_where_a_particle_is_farther():
     stops = np.array([[FARTHER, 1, 0, 1.5**2]])
-    inside = marcher([1.0, 0.0], [[0, 0, 0], [1.0, 0, 0]], [[0, 0, 0], [0, 1.5, 0]], 0.1, stops=stops)
+    inside = marcher([1.0, 0.0], [[0, 0, 0], [1.0, 0, 0]], [[0, 0, 0], [0, 1.5, 0]], 0.1, ends=Ends(stops))
     inside.advance(1000)
     assert np.linalg.norm(inside.state()[0][1]) > 1.5
     assert np.linalg.norm(inside.state_after(-0.1)[0][1]) < 1.5
@@ -137,7 +138,7 @@ def test_a_march_stops_where_a_particle_is_farther():
 
 def test_a_run_ends_where_the_energy_error_exceeds_a_bound():
     bound = 1e-3
-    run = ellipse(0.6, 0.04, (0.5, 0.5), method=orbits.methods.RungeKutta4(), energy_bound=bound)
+    run = ellipse(0.6, 0.04, (0.5, 0.5), method=orbits.methods.RungeKutta4(), ends=Ends(energy_bound=bound))
     plain = ellipse(0.6, 0.04, (0.5, 0.5), method=orbits.methods.RungeKutta4())
 
     def energy():

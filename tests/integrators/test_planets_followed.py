@@ -159,7 +159,7 @@ def test_planets_that_have_exchanged_places_are_numbered_anew():
     for k in range(1, 400):
         march.advance_to(Place(20 * k, 0.0))
         rows, _ = march.excursions()
-        if not march.is_away and len(rows) and march.step == rows[-1, 1]:
+        if march.leg is march.home and len(rows) and march.step == rows[-1, 1]:
             order = [0, *(int(x) for x in march.home.stepper.state["memory"][14, : len(gm) - 1])]
             assert order == outwards(gm, *march.state())
             exchanged += order != first
@@ -361,3 +361,19 @@ def test_what_does_not_fit_is_refused():
         orbits.WisdomHolman(encounters="ignore")
     with pytest.warns(StepWarning, match='encounters="follow"'):
         orbits.propagate(start, WARN, dt="100 d", duration="1 yr", progress=False)
+
+
+def test_events_that_act_during_an_encounter_leave_the_run_in_it():
+    """A change too small to matter: the run goes on by chosen steps, and all its excursions are listed."""
+
+    def touch(t, system):
+        return system.replaced(v=system.values.v * (1.0 + 1e-15))
+
+    options = {"until": 40_000 * u.day, "samples": 5, **OPTIONS}
+    plain = orbits.propagate(planets(), FOLLOW, events=CloserThan(1.2 * u.au, "c", "d"), **options)
+    acted = orbits.propagate(planets(), FOLLOW, events=CloserThan(1.2 * u.au, "c", "d", then=touch), **options)
+    assert len(acted.events) == len(plain.events) == 1
+    first = plain.excursions[0]
+    assert first.left < acted.events[0].time < first.returned
+    assert [one.left for one in acted.excursions] == [one.left for one in plain.excursions]
+    assert np.abs(acted.q - plain.q).max() < 1e-6 * u.au

@@ -11,6 +11,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.following.retirement import retirements
 from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import Leg
+from orbits.marching.legs.problem import Ends
 from orbits.marching.legs.record import approaches
 
 
@@ -51,7 +52,7 @@ def test_a_particle_lost_before_the_bodies_fail_is_retired():
 
 
 def test_a_retired_particle_meets_no_condition():
-    run = struck(stops=np.array([[FARTHER, -1.0, 0.0, 1000.0**2]]))
+    run = struck(ends=Ends(np.array([[FARTHER, -1.0, 0.0, 1000.0**2]])))
     run.advance(150)
     assert [lost.body for lost in run.retired()] == [2]
     assert run.met is None

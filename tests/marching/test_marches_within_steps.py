@@ -30,7 +30,7 @@ def test_marches_made_within_a_step_have_the_forces_of_the_march():
     marcher = bound(BRAKED, "gauss", 0.02)
     marcher.advance(1)
     expected = marcher.state_after(0.01)
-    end, place = marcher.towards(0.03)
+    end, place = within_step.towards(marcher, 0.03)
     end.advance_to(place)
     for found in (within_step.ended_at(marcher, marcher.time + 0.01).state(), end.state()):
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)

@@ -218,18 +218,18 @@ def test_a_collision_that_is_listed_before_the_events_of_its_step_hides_none_of_
 
 def test_no_event_is_lost_in_steps_that_are_searched_ahead_of_a_sample(monkeypatch: pytest.MonkeyPatch) -> None:
     """As after a step that the clock tried and did not take: here all up to the merger are searched in this way."""
-    from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.propagation.chain_of_legs import ChainOfLegs
 
     options: dict[str, Any] = {"duration": 3.0, "samples": [3.0]}
     events = [MERGE, CloserThan(1.5, "a", "b"), CloserThan(0.3, "a", "b"), CloseApproach("p")]
     whole = propagate(three(), events, **options)
     assert len(whole.events) == 5
-    usual = ChangingMarch._steps_before
+    usual = ChainOfLegs._steps_before
 
-    def after_a_change(self: ChangingMarch, place: Any) -> bool:
-        return len(self._of.rows) > 0 and usual(self, place)
+    def after_a_change(self: ChainOfLegs, place: Any) -> bool:
+        return len(self.bodies.rows) > 0 and usual(self, place)
 
-    monkeypatch.setattr(ChangingMarch, "_steps_before", after_a_change)
+    monkeypatch.setattr(ChainOfLegs, "_steps_before", after_a_change)
     assert [row[:3] for row in rows(propagate(three(), events, **options))] == [row[:3] for row in rows(whole)]
 
 

@@ -183,7 +183,7 @@ def test_a_file_tells_who_writes_it_and_its_pace_without_being_locked(giants: or
 
 
 def test_a_file_without_a_pace_as_earlier_versions_wrote_is_resumed_where_it_is(giants, tmp_path, monkeypatch) -> None:
-    from orbits.propagation import run as module
+    from orbits.propagation import making_runs as module
     from orbits.propagation.resuming import sample_store
 
     path, options = tmp_path / "run.h5", {"dt": "64 d", "duration": "9000 yr", "samples": 9}

@@ -55,7 +55,7 @@ def test_names_of_methods_are_understood_by_all_that_takes_one():
 @pytest.mark.parametrize(
     ("argument", "answer"),
     [
-        ("additional_forces", "forces other than Newtonian gravity belong to the system: system.with_terms("),
+        ("additional_forces", "what acts besides Newtonian gravity belongs to the system: system.with_terms("),
         ("tmax", "the end of a run is duration=..., or until=..."),
         ("Nout", "the samples to keep are samples=..., a count or times"),
         ("exit_max_distance", "stop=orbits.events.FartherThan(distance) ends a run"),

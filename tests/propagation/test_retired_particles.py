@@ -241,7 +241,7 @@ def test_an_interrupted_run_goes_on_to_the_same_bits(run, tmp_path, after):
 def without_list(path, method=GAUSS, samples=3):
     """Write an archive as earlier versions did: without retired particles in its checkpoint."""
     start = system()
-    grid = orbits.propagation.run.TimeGrid.of(start, DT, duration=END, samples=25)
+    grid = orbits.time_grid.TimeGrid.of(start, DT, duration=END, samples=25)
     marcher = bound(start, method, grid.h)
 
     def checkpoint():

@@ -9,6 +9,7 @@ from astropy import units as u
 import orbits
 from orbits.errors import InputError
 from orbits.marching.clocks.constant import ConstantSteps
+from orbits.marching.legs import within_step
 from orbits.propagation.marchers import bound
 
 DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)
@@ -36,7 +37,7 @@ def test_the_motion_within_steps_before_a_sample_begins_in_the_state_that_is_see
     """That within the rest of a run, less than a step, of which only events see anything."""
     marcher = bound(solar, DEFAULT, ConstantSteps(3.0), threads=1)
     marcher.advance(40)
-    rest, goal = marcher.towards(marcher.time + 2.0)
+    rest, goal = within_step.towards(marcher, marcher.time + 2.0)
     rest.advance_to(goal)
     motion = rest.motion()
     for fraction in (0.0, 0.3, 1.0):

@@ -11,7 +11,7 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
-from orbits import diagnostics
+from orbits import diagnostics, former_names
 from orbits.archive import ArchiveWriter
 from orbits.archive.samples import Samples
 from orbits.errors import ArchiveError, InputError, OrbitsError, OutOfRangeError, UnknownNameError
@@ -387,3 +387,13 @@ def test_a_former_name_is_answered_with_the_new_one(name, now):
     with pytest.raises(AttributeError, match=r"no attribute 'nothing'\.$"):
         run.nothing  # noqa: B018
     assert name not in dir(run)
+
+
+@pytest.mark.parametrize("name", former_names.INTERNAL["Trajectory"])
+def test_the_error_of_a_former_internal_says_what_to_use(name):
+    run = orbits.propagate(orbits.System.solar_system(), dt="6 d", duration="6 d", samples=2, progress=False)
+    for owner in (run, orbits.Trajectory):
+        with pytest.raises(AttributeError, match=f"'{name}', which is internal now: use (orbits|run)") as e:
+            getattr(owner, name)
+        for reader in re.findall(r"(?:run|Trajectory)\.(\w+)", str(e.value).split("use ", 1)[1]):
+            assert hasattr(run, reader), reader

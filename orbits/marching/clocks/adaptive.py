@@ -12,14 +12,14 @@ The method is then not symplectic, as the steps depend on the state; at the leve
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from orbits.errors import InputError, shown
 from orbits.integrators.base import Integrator
-from orbits.integrators.forms import Array
+from orbits.integrators.forms import Array, Form
 from orbits.kernels.binding import Tag, dynamical_rate
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, fma
@@ -216,6 +216,12 @@ class Adaptive(ChangingSteps):
                 f"the forces, which Gauss(stages={FEWEST_STAGES}) ... Gauss(stages={MOST_STAGES}) have. Give dt=..., "
                 "or use Gauss(stages=8)."
             )
+
+    @staticmethod
+    def adapted(form: Any) -> Form:
+        """Return the form with distances accurate in close encounters, whose steps can differ in length."""
+        known: Form = replace(form, close=True)
+        return known
 
     def tolerance_for(self, integrator: Any) -> float:
         """Return the tolerance of the steps of a method: the one given, or its default."""

@@ -15,13 +15,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.checks import single_number
-from orbits.errors import InputError
+from orbits.errors import ConvergenceError, InputError, IntegrationError
+from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
-from orbits.integrators.forms import Array
+from orbits.integrators.forms import Array, Form, coefficients_of
 from orbits.kernels.binding import Tag
 from orbits.kernels.clocks import CONSTANT_STEPS, LENGTH
 from orbits.kernels.dense import times_reached
-from orbits.marching.clocks.step_times import Behind, Part, Place, Places, StepTimes, Way
+from orbits.kernels.steps import NOT_CONVERGED
+from orbits.lagrangians.base import Lagrangian
+from orbits.marching.clocks.step_times import Behind, Place, Places, StepTimes, Way
 
 STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
@@ -38,6 +41,7 @@ class Clock:
 
     timing : the tag by which compiled code identifies it
     refined_by : what is made smaller for more accuracy, in words
+    lets_particles_choose : whether massless particles have clocks of their own, beside this one of the massive bodies
     passage_limits : which passages are listed, see `thresholds` in `orbits.marching.watching.leg_observers`, if that
         does not depend on the method
     direction : 1 forwards in time, -1 backwards
@@ -50,6 +54,7 @@ class Clock:
     timing: ClassVar[Tag]
     refined_by: ClassVar[str] = "dt"
     passage_limits: ClassVar[tuple[float, float, float] | None] = None
+    lets_particles_choose: ClassVar[bool] = False
     direction: float
     h: float
 
@@ -58,10 +63,44 @@ class Clock:
         """Whether steps differ in length."""
         raise NotImplementedError
 
-    @property
-    def lets_particles_choose(self) -> bool:
-        """Whether massless particles have clocks of their own, beside this one of the massive bodies."""
-        return False
+    def at(self, time: float) -> str:
+        """Return a time in words, for messages about a step that begins there."""
+        return f"t = {time:.10g}"
+
+    def failure(
+        self, status: int, integrator: Integrator, names: Sequence[str], *, momenta: bool, forces: bool
+    ) -> tuple[type[IntegrationError], str] | None:
+        """Return the kind of error, and its words, for a step that cannot be taken for reasons that depend on the
+        clock; the arguments are those of `orbits.marching.stepping.failures.failure_of_bodies`.
+        """
+        return None
+
+    def own_form(
+        self, integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[BoundForce], *, with_particles: bool
+    ) -> Form | None:
+        """Return the form of a method for these steps if the clock makes it; None for that of the method."""
+        return None
+
+    @staticmethod
+    def adapted(form: Any) -> Form:
+        """Return the form of a method for these steps."""
+        known: Form = form
+        return known
+
+    def coefficients(self, form: Form) -> Any:
+        """Return the coefficients of a form for the steps of a march."""
+        raise NotImplementedError
+
+    def rate(self, angle: float) -> float:
+        """Return the angular rate from which on a step covers more than an angle; infinite if steps adapt to it."""
+        return math.inf
+
+    def are_readings(self, steps: Array, when: Array, taken: int) -> bool:
+        """Return whether these can be readings at the beginnings of steps, and within them.
+
+        taken : how many steps were taken by then
+        """
+        raise NotImplementedError
 
     def check(self, integrator: Integrator) -> None:
         """Raise InputError for a method whose steps this clock cannot choose."""
@@ -136,6 +175,36 @@ class ConstantSteps(Clock):
         """False: all steps have the same length."""
         return False
 
+    def at(self, time: float) -> str:
+        """Return a time and the length of the steps in words."""
+        return f"t = {time:.10g}, dt = {abs(self.h):.6g}"
+
+    def failure(
+        self, status: int, integrator: Integrator, names: Sequence[str], *, momenta: bool, forces: bool
+    ) -> tuple[type[IntegrationError], str] | None:
+        """Return the error for stages that did not converge."""
+        if status != NOT_CONVERGED:
+            return None
+        return ConvergenceError, (
+            f"the stages of {integrator.name} did not converge for {', '.join(names)}; the result would not be "
+            "symplectic. Use a smaller dt, or leave it out: steps are then chosen one by one, also where bodies come "
+            "very close."
+            + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without particles."
+        )
+
+    def coefficients(self, form: Form) -> Any:
+        """Return the coefficients of steps of this length."""
+        return coefficients_of(form, self.h)
+
+    def rate(self, angle: float) -> float:
+        """Return the angular rate at which a step covers an angle."""
+        return angle / abs(self.h)
+
+    def are_readings(self, steps: Array, when: Array, taken: int) -> bool:
+        """Return whether these can be numbers of steps, up to those taken, and readings within these steps."""
+        whole = (steps == np.floor(steps)) & (steps >= 0) & (steps <= taken)
+        return bool((whole & (when >= steps) & (when <= steps + 1)).all())
+
     def finer(self, integrator: Any, factor: float) -> ConstantSteps:
         """Return constant steps of `factor` times this length, rounded to as many bits as that of a run."""
         return ConstantSteps(rounded_step(factor * self.h))
@@ -192,14 +261,13 @@ class GridTimes(StepTimes):
         """The reading of the clock: whole steps."""
         return self.step
 
-    def numbers(self, state: Mapping[str, Array], clock: Clock) -> Array:
+    def numbers(self, state: Mapping[str, Array], clock: Any) -> Array:
         """Return the numbers of a clock of constant steps, see `ConstantSteps.numbers`."""
-        assert isinstance(clock, ConstantSteps)
         return clock.numbers(self.start, self.step) if clock == self.clock else clock.numbers(self.time, 0)
 
-    def length(self, numbers: Array) -> float:
-        """Return the length of the steps of a block."""
-        return float(numbers[LENGTH])
+    def pace(self, numbers: Array) -> tuple[float, float]:
+        """Return the length of the steps of a block, and 0: observers count steps."""
+        return float(numbers[LENGTH]), 0.0
 
     def failed_at(self, numbers: Array, done: int) -> float:
         """Return the time at which a step began that failed, after `done` steps of a block."""
@@ -256,9 +324,16 @@ class GridTimes(StepTimes):
         """Return the place at the end of the next step."""
         return Place(self.step + 1, 0.0)
 
-    def part(self, place: Place) -> Part:
-        """Return one step of the rest: a partial step."""
-        return Part(ConstantSteps(place.rest), 1, True)
+    def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
+        """Return a copy after one step of the rest, with a cold start: the carry belongs to steps of this length."""
+        clock = ConstantSteps(place.rest)
+        copy: dict[str, Array] = leg.stepper.cold(leg.losses.retired.block, clock)
+        leg.loop.march_copy(copy, clock, 1)
+        return copy, clock
+
+    def led_to(self, places: Places, steps: int) -> int:
+        """Return up to how many of these places a block of `steps` steps leads."""
+        return int(np.searchsorted(places.steps, self.step + steps, side="right"))
 
     def passed(self, places: Places) -> int:
         """Return how many of these places do not lie ahead."""

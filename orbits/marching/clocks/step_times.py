@@ -76,17 +76,11 @@ class StepTimes:
         """
         raise NotImplementedError
 
-    def length(self, numbers: Array) -> float:
-        """Return the length of the steps of a block, or about that."""
+    def pace(self, numbers: Array) -> tuple[float, float]:
+        """Return the length of the steps of a block, or about that, and the time from which observers count: 0, as they
+        count steps, or that at the beginning of the block.
+        """
         raise NotImplementedError
-
-    def origin(self, numbers: Array) -> float:
-        """Return the time from which observers count: 0, as they count steps, or that at the beginning of the block."""
-        return 0.0
-
-    def for_terms(self, times: Array) -> Array:
-        """Return the times that terms and forces see at times of the steps."""
-        return times
 
     def failed_at(self, numbers: Array, done: int) -> float:
         """Return the time at which a step began that failed, after `done` steps of a block."""
@@ -116,11 +110,13 @@ class StepTimes:
         raise NotImplementedError
 
     def ends(self) -> Array:
-        """Return the times at which the steps of the last block begin, and its end, (steps + 1,)."""
+        """Return the times at which the steps of the last block begin, and its end, as terms and forces see them,
+        (steps + 1,).
+        """
         raise NotImplementedError
 
     def pairs(self) -> Array:
-        """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
+        """Return these times, as the clock has them, each as the sum of two numbers, (steps + 1, 2)."""
         raise NotImplementedError
 
     def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
@@ -148,12 +144,15 @@ class StepTimes:
         """Return the place to which the next step leads, or one beyond it."""
         raise NotImplementedError
 
-    def part(self, place: Place) -> Part:
-        """Return how to get from the whole steps taken to a place less than a step ahead."""
+    def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
+        """Return a copy of the state of the leg, marched from the whole steps taken to a place less than a step ahead,
+        and the clock by which it was. Raises an IntegrationError if a step on the way cannot be taken.
+        """
         raise NotImplementedError
 
-    def aim_exactly(self, copy: Mapping[str, Array], place: Place) -> None:
-        """Let the last step of a copy of the state end at a place, where the clock of the leg goes on."""
+    def led_to(self, places: Places, steps: int) -> int:
+        """Return up to how many of these places a block of `steps` steps may lead."""
+        return len(places.steps)
 
     def passed(self, places: Places) -> int:
         """Return how many of these places do not lie ahead."""
@@ -193,17 +192,6 @@ class Behind(NamedTuple):
     steps: NDArray[np.int64]
     begun: Array
     parts: Array
-
-
-class Part(NamedTuple):
-    """The way to a place within a step, on a copy of the state: by steps of a clock, and the most of them in a block.
-
-    is_cold : whether it is a single step of another length, for which the carry is made anew
-    """
-
-    clock: Clock
-    most: int
-    is_cold: bool
 
 
 class Way(NamedTuple):

@@ -18,15 +18,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from orbits.errors import InputError, shown
+from orbits.errors import ConvergenceError, InputError, IntegrationError, shown
+from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
+from orbits.integrators.collocation.transformed_bodies import TransformedBodies
 from orbits.integrators.collocation.variational import VariationalRungeKutta
-from orbits.integrators.forms import Array
+from orbits.integrators.forms import Array, Form
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import BEYOND, OK, TOO_SHORT, elapsed, part, prepare, step
+from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT, elapsed, part, prepare, step
 from orbits.kernels.sums.summation import two_sum
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
+from orbits.marching.clocks.step_times import Places
 from orbits.marching.clocks.variable_steps import (
     DIRECTION,
     EXACT,
@@ -38,6 +42,7 @@ from orbits.marching.clocks.variable_steps import (
     TIME,
     TIME_LO,
     ChangingSteps,
+    ChosenTimes,
     is_number,
     keep,
     put_back,
@@ -147,6 +152,39 @@ class TimeTransformed(ChangingSteps):
                 "dt=... a length."
             )
 
+    def failure(
+        self, status: int, integrator: Integrator, names: Sequence[str], *, momenta: bool, forces: bool
+    ) -> tuple[type[IntegrationError], str] | None:
+        """Return the error for stages that did not converge, or for steps none of which is short enough."""
+        if status != NOT_CONVERGED:
+            return super().failure(status, integrator, names, momenta=momenta, forces=forces)
+        return ConvergenceError, (
+            f"the stages of {integrator.name} did not converge for {', '.join(names)}; the result would not be "
+            f"symplectic. Use a smaller step than {self.step:g}: dt=orbits.TimeTransformed(step=...)."
+        )
+
+    def own_form(
+        self, integrator: Any, lagrangian: Lagrangian, forces: Sequence[BoundForce], *, with_particles: bool
+    ) -> Form:
+        """Return the form for bodies in transformed time. Raises InputError for what it has no place for."""
+        more = [f"the force of {force.name}" for force in forces]
+        more += [f"the term '{term.name}'" for term in getattr(lagrangian, "summands", ())]
+        if more:
+            raise InputError(
+                f"transformed time is for bodies that attract each other and nothing else, so far, not with {more[0]}. "
+                + ("Give dt=... a length." if forces or SEPARABLE not in lagrangian.traits else "Leave dt out.")
+            )
+        if with_particles:
+            raise InputError(
+                "massless particles have no part in the energy that transformed time needs, and would be moved by its "
+                "rounding errors alone: leave dt out, or leave the particles out."
+            )
+        return TransformedBodies(integrator.tableau)
+
+    def step_times(self, start: float) -> TransformedTimes:
+        """Return what tells a leg when its steps are."""
+        return TransformedTimes(self, start)
+
     def check_bodies(self, strength: Array, q: Array, v: Array, names: Sequence[str]) -> None:
         """Raise InputError for massive bodies that are too light, or too few.
 
@@ -180,6 +218,14 @@ class TimeTransformed(ChangingSteps):
     def attribute(self, integrator: Any) -> str:
         """Return the same for a table's attributes."""
         return f"transformed time, {self.step:g}"
+
+
+class TransformedTimes(ChosenTimes):
+    """When steps of transformed time are. Their lengths are known rounded, their ends where the leg is."""
+
+    def led_to(self, places: Places, steps: int) -> int:
+        """Return 1: a block ends before each sample."""
+        return 1
 
 
 def rounding_amplified(strength: Array, q: Array, v: Array) -> Array:

@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.integrators.forms import Array
+from orbits.errors import IntegrationError, SingularityError
+from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array, Form, coefficients_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Behind, Part, Place, Places, StepTimes, Way
+from orbits.marching.clocks.step_times import Behind, Place, Places, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10
 """The state of such a clock: the time reached, in doubled precision; the last step; the direction 1 or -1; the time
@@ -83,6 +85,7 @@ class ChangingSteps(Clock):
     """Base of clocks whose steps differ in length: their readings are times. They resolve passages by themselves."""
 
     passage_limits: ClassVar[tuple[float, float, float] | None] = math.inf, 1.0, math.inf
+    lets_particles_choose: ClassVar[bool] = True
 
     @property
     def h(self) -> float:  # type: ignore[override]
@@ -94,10 +97,25 @@ class ChangingSteps(Clock):
         """Whether steps differ in length."""
         return True
 
-    @property
-    def lets_particles_choose(self) -> bool:
-        """True: massless particles have clocks of their own."""
-        return True
+    def failure(
+        self, status: int, integrator: Integrator, names: Sequence[str], *, momenta: bool, forces: bool
+    ) -> tuple[type[IntegrationError], str] | None:
+        """Return the error for steps none of which is short enough."""
+        return SingularityError, (
+            f"no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their accelerations "
+            "are out of the range of floats. Use softening, end the run before with "
+            "stop=orbits.events.CloserThan(...), or give radii and seek events=orbits.events.Collision(...)."
+            + momenta * " Or a term adds as much as m v to the momenta there, which needs orbits.march."
+            + forces * " Or a force jumps there, which no polynomial follows: give dt=..."
+        )
+
+    def coefficients(self, form: Form) -> Any:
+        """Return coefficients, which are written before each step."""
+        return coefficients_of(form, 1.0).copy()
+
+    def are_readings(self, steps: Array, when: Array, taken: int) -> bool:
+        """Return whether the second times do not lie before the first."""
+        return bool(((when - steps) * self.direction >= 0.0).all())
 
     def towards(self, direction: float) -> ChangingSteps:
         """Return this clock for a run in a direction, 1 or -1."""
@@ -173,17 +191,9 @@ class ChosenTimes(StepTimes):
         now[ORIGIN], self._begun_lo = now[TIME], float(now[TIME_LO])
         return now
 
-    def length(self, numbers: Array) -> float:
-        """Return the length of the last step, or of about a step."""
-        return float(numbers[LENGTH] or self.clock.direction)
-
-    def origin(self, numbers: Array) -> float:
-        """Return the time at which the block began, from which observers count."""
-        return float(numbers[ORIGIN])
-
-    def for_terms(self, times: Array) -> Array:
-        """Return the times that terms and forces see: with what passed before the leg, which its clock leaves out."""
-        return self.start + times
+    def pace(self, numbers: Array) -> tuple[float, float]:
+        """Return the length of the last step, or of about a step, and the time at which the block began."""
+        return float(numbers[LENGTH] or self.clock.direction), float(numbers[ORIGIN])
 
     def failed_at(self, numbers: Array, done: int) -> float:
         """Return the time at which a step began that failed."""
@@ -215,8 +225,10 @@ class ChosenTimes(StepTimes):
         return self._lengths
 
     def ends(self) -> Array:
-        """Return the times at which the steps of the last block begin, and its end, (steps + 1,)."""
-        return self.pairs()[:, 0]
+        """Return the times at which the steps of the last block begin, and its end, (steps + 1,): with what passed
+        before the leg, which its clock leaves out.
+        """
+        return np.asarray(self.start + self.pairs()[:, 0])
 
     def pairs(self) -> Array:
         """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
@@ -227,7 +239,7 @@ class ChosenTimes(StepTimes):
     def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
         """Return the steps of the block just marched in which times lie, counted from 0."""
         direction = self.clock.direction
-        return np.searchsorted(self.ends()[1:] * direction, readings * direction)
+        return np.searchsorted(self.pairs()[1:, 0] * direction, readings * direction)
 
     @property
     def origin_now(self) -> float:
@@ -250,13 +262,13 @@ class ChosenTimes(StepTimes):
         """Return a place that no step reaches."""
         return Place(0, math.inf * self.clock.direction)
 
-    def part(self, place: Place) -> Part:
-        """Return the steps of the clock."""
-        return Part(self.clock, self._block, False)
-
-    def aim_exactly(self, copy: Mapping[str, Array], place: Place) -> None:
-        """Let the last step of a copy of the state end at a place."""
+    def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
+        """Return a copy after the steps that the clock chooses, the last one of which ends at the place."""
+        copy: dict[str, Array] = leg.stepper.copied()
         copy["clock"][[LIMIT, EXACT]] = place.rest, 1.0
+        while leg.loop.march_copy(copy, self.clock, self._block) == self._block:
+            pass
+        return copy, self.clock
 
     def passed(self, places: Places) -> int:
         """Return how many of these times do not lie ahead."""
@@ -283,7 +295,7 @@ class ChosenTimes(StepTimes):
         begun, ends = {}, np.zeros((1, 2))
         try:
             while not count:
-                begun, ends = {name: copy[name].copy() for name in "qv"}, now[[TIME, TIME_LO]][None]
+                begun, ends = {name: copy[name].copy() for name in ("q", "v", "memory")}, now[[TIME, TIME_LO]][None]
                 if places.rests[0] == ends[0, 0]:
                     break
                 leg.loop.march_copy(copy, self.clock, 1, particles=False)

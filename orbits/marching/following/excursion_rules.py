@@ -125,7 +125,7 @@ def follower_of(
     """
     if followed is not None:
         return WithExcursions(form, n, steps, helpers, followed, parameters)
-    if clock.changes:
+    if clock.lets_particles_choose:
         return ByOwnSteps(form, n, steps, helpers, coefficients)
     return Follower(form, n, steps, helpers)
 

@@ -48,6 +48,11 @@ class Follower:
         """Return the number of rows of eight that each particle keeps from block to block."""
         return form.particle_carry_rows
 
+    @staticmethod
+    def more_arrays(m: int) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of what m particles keep besides, by the names that archives have for it."""
+        return {}
+
     def follow(self, tags: tuple[Tag, Tag, Tag], block: Block, particles: Followers, watcher: Observers | None) -> int:
         """March particles through a block of steps, in which those that are lost are noted in `particles.retired`;
         return how many evaluations there were.

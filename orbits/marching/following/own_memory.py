@@ -13,7 +13,7 @@ from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.bodies_between import PLACES, Field, chart
 from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower
-from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, OwnStepping, Shared
+from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, COLUMNS, OwnStepping, Shared
 from orbits.marching.following.own_steps_log import BESIDES, Log
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
@@ -74,6 +74,11 @@ class ByOwnSteps(Follower):
         self.following = BY_OWN_STEPS
         self._memories = [OwnMemory(form, coefficients, n, steps) for _ in range(helpers.members)]
         self._arrays = [memory.arrays for memory in self._memories]
+
+    @staticmethod
+    def more_arrays(m: int) -> dict[str, tuple[int, ...]]:
+        """Return the shape of the clocks of m particles."""
+        return {"particle_clock": (m, COLUMNS)}
 
     def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         if watcher is not None:

@@ -174,6 +174,13 @@ class Retired:
         self._known[self._known[:, 1] > step] = 0
         self.begin()
 
+    def take_back(self, before: NDArray[np.int64], step: int) -> None:
+        """Take back the retirement, since the table was `before`, (m, 2), of particles lost after `step` steps."""
+        known = self.table()
+        lost = (known != before).any(axis=1) & (known[:, 1] >= step)
+        known[lost] = before[lost]
+        self.begin()
+
     def take(self, other: Retired) -> None:
         """Retire, before the first step of this march, the particles retired in another march of as many particles."""
         self._known[:, 0] = other._known[:, 0]

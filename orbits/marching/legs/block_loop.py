@@ -147,7 +147,7 @@ class BlockLoop:
         state, before = (stepper.state, self.begun) if copy is None else (copy, stepper.state)
         self._forget()
         numbers = leg.times.numbers(state, leg.clock)
-        h, origin, sees = leg.times.length(numbers), leg.times.origin(numbers), observers.sees_path
+        (h, origin), sees = leg.times.pace(numbers), observers.sees_path
         self._sees_more = False
         path = observers.path(count) if sees else _NOTHING
         self.taken = count = stepper.bodies(state, before, leg.clock, numbers, path, count)

@@ -27,7 +27,7 @@ from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.legs.interruptions import LegWatcher
-from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals
+from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals, energy_bound_of
 from orbits.marching.legs.march import MarchOfSameBodies
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
@@ -69,12 +69,6 @@ class Leg(MarchOfSameBodies):
         self.block = loops.steps
         state = self.stepper.state
         state["approaches"] = empty_record(len(problem.gm), problem.approaches)
-        if problem.energy_bound is not None and form.transforms:
-            raise InputError(
-                f"{problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: the "
-                "condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "
-                "run.drift()."
-            )
         sees_dominant = surfaces is not None and self.way.pericentres and bool(surfaces[int(gm.argmax())])
         limits = limits_of(problem.integrator, self.clock, sees_dominant)
         self.observers = Observers(
@@ -83,27 +77,26 @@ class Leg(MarchOfSameBodies):
             problem.particles,
             state["q"],
             state["v"],
-            problem.stops,
-            problem.energy_bound,
+            problem.ends.stops,
             *limits,
             loops.times,
             len(loops.tasks),
-            problem.radii,
+            problem.ends.radii,
             problem.integrator.follows_kepler,
             order=problem.integrator.order,
             notes_nearest=form.notes_nearest(3 * len(gm)) and not problem.approaches,
-            whole_path=problem.dense or problem.integrator.in_encounters.follow_planets,
+            whole_path=problem.sees_all_steps,
         )
         self.observers.given = form.held(problem.parameters) == len(gm)
         passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
         self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
         self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
-        self.bounds = Bounds()
+        self.bounds, self.energy = Bounds(), energy_bound_of(self)
         refusals = Refusals() if problem.integrator.in_encounters.refuse_planets else None
-        some = encounters, self.losses if m else None, refusals
-        self.loop = BlockLoop(self, [watcher for watcher in (*some, self.listing, self.bounds) if watcher is not None])
-        self.shown = state
-        self.samples = samples_of(self)
+        self.samples, losses = samples_of(self), self.losses if m else None
+        watchers = encounters, losses, refusals, self.listing, self.energy, self.bounds, self.samples
+        self.loop = BlockLoop(self, [watcher for watcher in watchers if watcher is not None])
+        self.shown = [state]
 
     @classmethod
     def of(
@@ -183,21 +176,12 @@ class Leg(MarchOfSameBodies):
         """Return to the state after the first `steps` steps of the last block."""
         self.loop.go_back(steps)
 
-    def step_back(self) -> None:
-        """Return to the state before the last step of the last block, in which a pair may come to its bound."""
-        self.bounds.beware()
-        self.loop.go_back(self.loop.taken - 1)
-
-    def pass_by(self) -> None:
-        """Take the next step whatever pairs come to their bounds in it."""
-        self.bounds.passes = True
-
     # ------------------------------------------------------------------------------------------- what it shows
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller, rounded to float64; NaN for retired particles."""
         self.losses.retired.begin()
-        self.shown = self.stepper.state
+        self.shown = [self.stepper.state]
         return self.stepper.gather(self.as_seen(), self.losses.retired.gone())
 
     def as_seen(self, particles: NDArray[np.intp] | None = None) -> State:
@@ -206,54 +190,31 @@ class Leg(MarchOfSameBodies):
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the leg has advanced; see `orbits.marching.legs.samples`."""
-        q, v = self.samples.ahead(self, Places(np.array([place.steps]), np.array([place.rest])))
+        q, v = self.samples.ahead(Places(np.array([place.steps]), np.array([place.rest])))
+        self.shown = self.shown[:1]
         return q[0], v[0]
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) at a time less than a step ahead."""
         return self.state_at(self.times.ahead(offset))
 
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, in the order of the caller's bodies."""
-        return self.losses.listed(self)
-
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and those that cannot be followed up to a time less than a step ahead."""
-        return within_step.retired_by(self, time)
-
-    def towards(self, time: float) -> tuple[Leg, Place]:
-        """Return a leg of the massive bodies that ends at a time less than a step ahead; see `within_step.towards`."""
-        return within_step.towards(self, time)
-
-    @property
-    def shows_blocks(self) -> bool:  # type: ignore[override]
-        """Whether states within a block are known after it."""
-        return self.samples.known_in_block
-
-    def passed(self, places: Places) -> int:
-        """Return how many of these places are in the block just marched."""
-        return self.times.passed(places) if self.shows_blocks else 0
-
-    def states_in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched."""
-        return self.samples.in_block(self, places)
-
-    def states_ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the leg has advanced."""
-        return self.samples.ahead(self, places)
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the caller's bodies; by : see `March.retired`."""
+        return self.losses.listed(self) if by is None or by == self.time else within_step.retired_by(self, by)
 
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a leg with `dense`."""
         count, loops = self.loop.taken, self.stepper.loops
         path, kicks = self.observers.recorded(count), loops.kicks[:count]
         if self.stepper.form.transforms:  # observers see states that are good enough for them, not to step on from
-            path, kicks = loops.seen(self.loop.begun["memory"], count), kicks[:0]
-        times = self.times.for_terms(self.times.ends()), self.times.lengths()
+            carries = np.concatenate([self.loop.begun["memory"][None], kicks])
+            path, kicks = loops.seen(carries, low=False), kicks[:0]
+        times = self.times.ends(), self.times.lengths()
         return Motion(self.stepper.form, *times, path, kicks, self.stepper.partial_steps())
 
     def accounts(self) -> Array:
         """Return what is known of each force at the state returned last; see `Stepper.accounts`."""
-        return self.stepper.accounts(self.shown)
+        return self.stepper.accounts(self.shown[-1])
 
     def record(self, end: float) -> Record:
         """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
@@ -287,7 +248,7 @@ class Leg(MarchOfSameBodies):
         self.stepper.evaluations, self.stepper.particle_evaluations = counts
         self.listing.passages.restore(checkpoint)
         self.losses.retired.restore(checkpoint.get("retired"), self.step)
-        if seen and self.stepper.form.transforms:
+        if seen:
             self.stepper.loops.enter(self.stepper.state, self.clock, self.losses.retired.block)
 
     def compile(self) -> None:

@@ -1,14 +1,15 @@
-"""What ends the blocks of a leg besides lost particles: full lists, refused meetings, and bounds."""
+"""What ends the blocks of a leg besides lost particles: full lists, refused meetings, bounds, and the energy."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from orbits.errors import IntegrationError
+from orbits.errors import InputError, IntegrationError
 from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
 from orbits.marching.stepping.failures import refused_meeting
 from orbits.marching.watching import kepler_passages
+from orbits.marching.watching.leg_observers import ENERGY
 from orbits.marching.watching.passage_list import BlockList, Kept, PassageList
 
 if TYPE_CHECKING:
@@ -88,8 +89,7 @@ class Refusals(LegWatcher):
 
 
 class Bounds(LegWatcher):
-    """Ends a leg after a step in which a pair may come to its bound, two bodies may touch, or the energy error is above
-    its bound.
+    """Ends a leg after a step in which a pair may come to its bound, or two bodies may touch.
 
     met : why the leg ended: `SUSPECT`, `ENERGY` or `TOUCHED` of `orbits.marching.watching.leg_observers`, or None
     passes : whether the next step is taken whatever pairs come to their bounds in it
@@ -107,9 +107,9 @@ class Bounds(LegWatcher):
         """Allow longer blocks, after one in which nothing was met."""
         self._cautious = min(2 * self._cautious, UNLIMITED)
 
-    def beware(self) -> None:
-        """Begin with single steps: the next ones may be alike, and no long block is marched in vain."""
-        self.met, self._cautious = None, 1
+    def beware(self, steps: int = 1) -> None:
+        """Begin with few steps: the next ones may be alike, and no long block is marched in vain."""
+        self.met, self._cautious = None, steps
 
     def look(self, leg: Leg, count: int) -> Interruption | None:
         """Return after which step the leg stops."""
@@ -118,3 +118,37 @@ class Bounds(LegWatcher):
             return None
         step, self.met = found
         return Interruption(step, Kind.BOUND)
+
+
+class EnergyBound(LegWatcher):
+    """Ends a leg after the first step at whose end the energy of the massive bodies has changed by too much.
+
+    start : G times the energy at the start of the run; most : the largest change, as a fraction of it
+    """
+
+    def __init__(self, start: float, most: float) -> None:
+        self.start, self._most = start, most
+
+    def look(self, leg: Leg, count: int) -> Interruption | None:
+        """Return after which step the energy error is above its bound."""
+        step = leg.observers.first_energy_error(count, self.start, self._most * abs(self.start))
+        if step > count:
+            return None
+        leg.met = ENERGY
+        return Interruption(step, Kind.BOUND)
+
+
+def energy_bound_of(leg: Leg) -> EnergyBound | None:
+    """Return what watches the energy of a leg, before its first step, if it has a bound. Raises InputError for a method
+    of which it cannot be watched.
+    """
+    most, state = leg.problem.ends.energy_bound, leg.stepper.state
+    if most is None:
+        return None
+    if leg.stepper.form.transforms:
+        raise InputError(
+            f"{leg.problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: the "
+            "condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "
+            "run.drift()."
+        )
+    return EnergyBound(leg.observers.energy(state["q"], state["v"]), most)

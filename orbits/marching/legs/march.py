@@ -3,45 +3,39 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place, Places
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs.samples import Samples
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
+    from orbits.marching.legs.problem import Problem
     from orbits.marching.legs.record import Record
-
-T = TypeVar("T")
 
 
 class March(ABC):
     """A march of a run.
 
     clock, step, time : the times of its steps, whole steps taken, and the time reached since the start of the run
-    met : why the last block ended, see `orbits.marching.legs.lists_and_bounds.Bounds`
     changed : whether its bodies have changed; ended : the row of the collision that ended it, and the bodies there
-    found : the event that interrupts it before its next collision; is_away : whether all bodies have left the map
-    shows_blocks : whether states at places within a block are known after it: a march need not stop at each
+    found : the event that interrupts it before its next collision
+    covers_parts : whether it begins within a step of a map, which it leaves for that
     """
 
     clock: Clock
     changed = False
     ended: Any = None
     found: Any = None
-    met: int | None = None
-    shows_blocks = False
-
-    @property
-    def is_away(self) -> bool:
-        """Whether all bodies have left the map."""
-        return False
+    covers_parts = False
 
     @property
     @abstractmethod
@@ -52,11 +46,6 @@ class March(ABC):
     @abstractmethod
     def time(self) -> float:
         """The time reached, since the start of the run."""
-
-    @property
-    @abstractmethod
-    def reading(self) -> float:
-        """The reading of the clock: whole steps, or the time."""
 
     @abstractmethod
     def state(self) -> tuple[Array, Array]:
@@ -71,12 +60,11 @@ class March(ABC):
         """Return what is known of each force at the state returned last."""
 
     @abstractmethod
-    def retired(self) -> list[Retirement]:
-        """Return the particles that were retired, in the order of the bodies."""
+    def retired(self, by: float | None = None) -> list[Retirement]:
+        """Return the particles that were retired, in the order of the bodies.
 
-    @abstractmethod
-    def retired_by(self, time: float) -> list[Retirement]:
-        """Return these, and those that cannot be followed up to a time less than a step ahead."""
+        by : a time less than a step ahead, up to which particles are followed; None for the time reached
+        """
 
     @abstractmethod
     def compile(self) -> None:
@@ -90,6 +78,11 @@ class March(ABC):
     @abstractmethod
     def home(self) -> Leg:
         """The leg whose clock the march has."""
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Its states at samples."""
+        return Samples(self)
 
     @property
     def current(self) -> Any:
@@ -123,21 +116,6 @@ class March(ABC):
     def state_at(self, place: Place) -> tuple[Array, Array]:
         """Return (q, v) at a place up to which the march has advanced."""
 
-    def passed(self, places: Places) -> int:
-        """Return how many of these places are in the block just marched, whose `states_in_block` are known."""
-        return 0
-
-    def states_in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched. Raises an IntegrationError if a partial
-        step to one fails; the march is then at the beginning of the block.
-        """
-        raise NotImplementedError
-
-    def states_ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the march has advanced."""
-        q, v = self.state_at(places.at(0))
-        return q[None], v[None]
-
     @abstractmethod
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to resume bit for bit."""
@@ -148,28 +126,35 @@ class March(ABC):
 
 
 class MarchOfSameBodies(March):
-    """A march whose bodies stay the same; block : the most steps of a block."""
+    """A march whose bodies stay the same: of one leg, or of two that take turns."""
 
-    block: int
+    problem: Problem
+
+    @property
+    def leg(self) -> Leg:
+        """The leg that marches now."""
+        return self.home
+
+    @property
+    def last(self) -> Leg:
+        """The leg that marched the last block."""
+        return self.home
 
     @abstractmethod
-    def pass_by(self) -> None:
-        """Take the next step whatever pairs come to their bounds in it."""
+    def go_back(self, steps: int) -> None:
+        """Return to the state after the first `steps` steps of the last block."""
+
+    def go_on_from(self, old: Any, step: int, time: float) -> None:
+        """Follow a march of bodies that change at a time, with what outlives them: what was retired, and counts.
+
+        step : whole steps taken, of this march
+        """
+        home = self.home
+        home.losses.go_on_from(home, old.home)
+        home.stepper.take_counts(old.home.stepper)
+        home.times.step = step
+        home.bounds.beware()
 
     @abstractmethod
     def record(self, end: float) -> Record:
         """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
-
-    def after_next_step(self, read: Callable[[], T]) -> T:
-        """Return what a function returns after the next step; the march does not change. Raises what `advance_to`
-        raises.
-        """
-        loop, kept, block = self.home.loop, self.checkpoint(), self.block
-        listeners, loop.listeners = loop.listeners, []
-        try:
-            self.pass_by()
-            self.approach(self.home.times.next_place())
-            return read()
-        finally:
-            self.restore(kept)
-            self.block, loop.listeners, self.met = block, listeners, None

@@ -53,6 +53,7 @@ class ParticleLosses(LegWatcher):
         self._surfaces, self._dominant = surfaces, dominant
         self._encountered: Lost | None = None
         self._found: _Found | None = None
+        self._before: NDArray[np.int64] | None = None  # the retired particles before those of the last block
         self._deep = np.zeros((0, COLUMNS))
         judges = problem.retire and not (problem.underway or problem.exact)
         self._judges = judges and integrator.in_encounters.retire_particles
@@ -127,9 +128,10 @@ class ParticleLosses(LegWatcher):
 
     def commit(self, leg: Leg, begun: int, last: Interruption | None) -> IntegrationError | None:
         """Retire the particles that were lost; or return the error for the first, where they are not retired."""
-        found = self._found
+        found, self._before = self._found, None
         if found is None or not (leg.step > found.step or (last is not None and last.kind is Kind.LOST)):
             return None
+        self._before = self.retired.table().copy()
         return self.lose(leg, found.lost, found.step, found.reached, found.contacts)
 
     def lose(
@@ -148,8 +150,9 @@ class ParticleLosses(LegWatcher):
         return None
 
     def go_back(self, leg: Leg, steps: int, count: int) -> None:
-        """Take back the particles that were retired after the first `steps` steps of the last block."""
-        self.retired.return_to(leg.step - count + steps)
+        """Take back the particles that were retired in the last block, but not in its first `steps` steps."""
+        if self._before is not None:
+            self.retired.take_back(self._before, leg.step - count + steps)
 
     def retire(self, leg: Leg, body: int, status: int, step: int, time: float, q: Array, v: Array) -> None:
         """Retire a massless particle, numbered as by the caller, after `step` steps, with its last q and v, (3,), at a

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,23 @@ from orbits.marching.clocks.constant import Clock
 from orbits.marching.stepping.choice_of_form import form_of_bodies
 
 
+class Ends(NamedTuple):
+    """What ends a leg besides what it cannot follow.
+
+    stops : (conditions, 4), see `orbits.kernels.search.stopping`, with rows numbered in the order of the caller: the
+        leg stops after each step in which a pair may come to its bound, until it is told to `pass_by`
+    energy_bound : relative energy error that ends the leg
+    radii : (n,), of the bodies: a leg then ends after a step in which two may have come closer than their sum
+    """
+
+    stops: Array | None = None
+    energy_bound: float | None = None
+    radii: Array | None = None
+
+
+NO_ENDS = Ends()
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """The problem of a leg: a frozen value.
@@ -31,14 +48,11 @@ class Problem:
     clock : the times of the steps (see `orbits.marching.clocks.constant`)
     names : (n,) names for messages
     threads : how many threads massless particles, and thousands of massive bodies, may use
-    stops : (conditions, 4), see `orbits.kernels.search.stopping`, with rows numbered in the order of the caller: the
-        leg stops after each step in which a pair may come to its bound, until it is told to `pass_by`
-    energy_bound : relative energy error that ends the leg, or None
+    ends : what ends the leg besides what it cannot follow
     retire : whether a massless particle that cannot be stepped is retired alone; otherwise it is an error
     forces : the forces without a Lagrangian, bound to these bodies
     start : the time at which the leg begins; with a clock whose steps differ, which counts from 0, that which terms
         and forces see when it reads 0
-    radii : (n,), of the bodies: a leg then ends after a step in which two may have come closer than their sum
     dense : whether each step is recorded for `motion`
     surfaces : (n,), radii of the bodies: massless particles that are followed in encounters, or by chosen steps, are
         retired if they hit one
@@ -54,13 +68,11 @@ class Problem:
     clock: Clock
     names: Sequence[str] = ()
     threads: int = 1
-    stops: Array | None = None
-    energy_bound: float | None = None
+    ends: Ends = NO_ENDS
     retire: bool = False
     forces: Sequence[BoundForce] = ()
     start: float = 0.0
     dense: bool = False
-    radii: Array | None = None
     surfaces: Array | None = None
     underway: bool = False
     approaches: bool = True
@@ -121,6 +133,11 @@ class Problem:
                 "are integrated along: give dt=..., or set the GM of these to 0."
             )
         return form.for_bodies(len(self.bodies))
+
+    @property
+    def sees_all_steps(self) -> bool:
+        """Whether the state at the end of each step is needed, whatever else is looked for."""
+        return self.dense or self.ends.energy_bound is not None or self.integrator.in_encounters.follow_planets
 
     @property
     def exact(self) -> bool:

@@ -1,117 +1,177 @@
 """The states of a leg at samples, which change nothing: they are computed from the steps that the leg takes anyway.
 
-Where a step carries nothing on but a guess, the state within it is that after a partial step of the method from the
-state at its beginning, rounded as records have it: of a block of steps, all in one compiled call. Otherwise a copy of
-the whole state is marched to each sample.
+The state within a step is that after a partial step of the method from the state at its beginning, rounded as records
+have it: of a block of steps, all in one compiled call. A method that marches other variables than those seen, or whose
+carry has more than a guess, needs the carry after each step, which is recorded in blocks with several samples. Massless
+particles follow the stages of a step: to each of their samples a copy is marched.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
+from weakref import proxy
 
 import numpy as np
 
 from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
 from orbits.kernels.lanes import WIDTH
-from orbits.marching.clocks.step_times import Behind, Places
+from orbits.marching.clocks.step_times import UNLIMITED, Behind, Places
 from orbits.marching.legs import within_step
+from orbits.marching.legs.interruptions import LegWatcher
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
+    from orbits.marching.legs.march import March
+
+_NOTHING = np.zeros((0, 2, 0))
 
 
-class Samples(Protocol):
-    """How states at samples come about.
+class Samples:
+    """States of a march at samples, to each of which it leads in turn."""
 
-    known_in_block : whether the states within a block are known after it
-    """
+    def __init__(self, march: March) -> None:
+        self._march = march
 
-    known_in_block: bool
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to: if there are several, those that it `passed` are
+        known after it.
+        """
+        return 1
 
-    def in_block(self, leg: Leg, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block that was just marched."""
-
-    def ahead(self, leg: Leg, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the leg has advanced."""
-
-
-class ByCopies:
-    """States at samples to which copies of the leg are marched, one by one, behind all whole steps before them."""
-
-    known_in_block = False
-
-    def in_block(self, leg: Leg, places: Places) -> tuple[Array, Array]:
-        """There are none."""
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched."""
         raise NotImplementedError
 
-    def ahead(self, leg: Leg, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (1, n, 3), at the first of these places."""
-        q, v = within_step.state_at(leg, places.at(0))
+    def in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched. Raises an IntegrationError if a partial
+        step to one fails; the march is then at the beginning of the block.
+        """
+        raise NotImplementedError
+
+    def ahead(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the march has advanced."""
+        q, v = self._march.state_at(places.at(0))
         return q[None], v[None]
 
+    def accounts(self) -> Array:
+        """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
+        return self._march.accounts()[None]
 
-class FromSteps:
-    """States at samples by partial steps from the states at the ends of steps.
 
-    known_in_block : whether all these are recorded
-    """
+class SamplesOfLeg(Samples, LegWatcher):
+    """States of a leg at samples, by partial steps from the states at the beginnings of steps."""
 
-    def __init__(self, *, recorded: bool) -> None:
-        self.known_in_block = recorded
+    def __init__(self, leg: Leg) -> None:
+        self._leg: Leg = proxy(leg)
+        form = leg.stepper.form
+        self._transforms, self._recorded = form.transforms, leg.observers.records_all or form.transforms
+        self._stays = np.ones((form.carry_rows(3 * len(leg.problem.bodies)), WIDTH))
+        form.forget(self._stays)
+        self._reads_carries = form.transforms or bool(self._stays.any())
+        self._most = UNLIMITED
 
-    def in_block(self, leg: Leg, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block that was just marched."""
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to."""
+        leg, self._most = self._leg, UNLIMITED
+        if not self._recorded:
+            return 1
+        if not self._reads_carries:
+            return len(places.steps)
+        most = leg.stepper.loops.most_kept
+        count = leg.times.led_to(places, min(leg.block, most))
+        leg.stepper.loops.keep_carries(count > 1)
+        if count > 1:
+            self._most = most
+        return max(count, 1)
+
+    def most(self, leg: Leg) -> int:
+        """Return the most steps of the next block, if the carry after each is recorded."""
+        return self._most
+
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched."""
+        return self._leg.times.passed(places)
+
+    def in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched."""
+        leg = self._leg
+        loops, behind, count = leg.stepper.loops, leg.times.behind(places), leg.loop.taken
+        path = _NOTHING if self._transforms else leg.observers.recorded(count)
+        carries = None
+        if self._reads_carries:
+            carries = loops.kicks[np.maximum(behind.steps - 1, 0)]
+            carries[behind.steps == 0] = leg.loop.begun["memory"]
         try:
-            return self._behind(leg, leg.observers.recorded(leg.loop.taken), leg.times.behind(places))
+            return self._behind(path, carries, behind)
         except IntegrationError:  # the leg has not passed what is not known
             leg.go_back(0)
             raise
 
-    def ahead(self, leg: Leg, places: Places) -> tuple[Array, Array]:
+    def ahead(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (m, n, 3), at those of these places that lie in the next step with any."""
+        leg = self._leg
         if leg.times.is_at(places.at(0)):
-            return ByCopies().ahead(leg, places)
+            return self._of_copy(places)
         try:
             state, behind = leg.times.ahead_of(leg, places)
-            return self._behind(leg, np.stack([state["q"], state["v"]])[None], behind)
+            count = len(behind.steps) if self._reads_carries else 0
+            carries = np.repeat(state["memory"][None], count, axis=0) if count else None
+            return self._behind(np.stack([state["q"], state["v"]])[None], carries, behind)
         except IntegrationError:  # no step from there, or no partial one; steps that are chosen anew may lead there
             one = places.between(0, 1)
-            return self.ahead(leg, one) if len(places.steps) > 1 else ByCopies().ahead(leg, one)
+            return self.ahead(one) if len(places.steps) > 1 else self._of_copy(one)
 
-    def _behind(self, leg: Leg, path: Array, behind: Behind) -> tuple[Array, Array]:
-        """Return the states behind those of a path, (states, 2, padded)."""
-        count, n = len(behind.steps), len(leg.problem.bodies)
-        q, v = np.ascontiguousarray(path[behind.steps, :, : 3 * n].swapaxes(0, 1))
+    def accounts(self) -> Array:
+        """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
+        return np.stack([self._leg.stepper.accounts(state) for state in self._leg.shown])
+
+    def _of_copy(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (1, n, 3), at the first of these places, to which a copy is marched."""
+        q, v = within_step.state_at(self._leg, places.at(0))
+        return q[None], v[None]
+
+    def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
+        """Return the states behind those of a path, (states, 2, padded).
+
+        carries : (m, rows, 8), those with which the steps begin, a copy; None for a form that needs none
+        """
+        leg, steps, count = self._leg, behind.steps, len(behind.steps)
+        n = len(leg.problem.bodies)
+        if carries is not None and self._transforms:
+            path, steps = leg.stepper.loops.seen(carries, low=True), np.arange(count)
+        if carries is not None:
+            carries *= self._stays
+        q, v = np.ascontiguousarray(path[steps, :2, : 3 * n].swapaxes(0, 1))
         within = behind.parts != 0.0
         if within.any():
-            leg.stepper.partial_steps().take(path, *behind, within, q, v)
+            leg.stepper.partial_steps().take(path, steps, behind.begun, behind.parts, within, q, v, carries)
+        leg.shown = [leg.stepper.state]
+        if carries is not None and leg.problem.forces:
+            leg.shown = [{**leg.stepper.state, "memory": carry} for carry in carries]
         return q.reshape(count, 3, n).swapaxes(1, 2), v.reshape(count, 3, n).swapaxes(1, 2)
 
 
-class BesideParticles(ByCopies):
+class SamplesOfParticles(SamplesOfLeg):
     """States at samples of massive bodies as they are without massless particles, and those of particles, which follow
     the stages of a step, from copies.
     """
 
-    _bodies = FromSteps(recorded=False)
+    def together(self, places: Places) -> int:
+        """Return 1: a block ends before each sample."""
+        return 1
 
-    def ahead(self, leg: Leg, places: Places) -> tuple[Array, Array]:
+    def ahead(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (1, n, 3), at the first of these places."""
-        q, v = super().ahead(leg, places)
+        one, leg = places.between(0, 1), self._leg
+        q, v = self._of_copy(one)
         if not leg.times.is_at(places.at(0)):
-            bodies = leg.problem.bodies
-            q[:, bodies], v[:, bodies] = self._bodies.ahead(leg, places.between(0, 1))
+            shown, bodies = leg.shown, leg.problem.bodies
+            q[:, bodies], v[:, bodies] = super().ahead(one)
+            leg.shown = shown
         return q, v
 
 
-def samples_of(leg: Leg) -> Samples:
+def samples_of(leg: Leg) -> SamplesOfLeg:
     """Return how the states of a leg at samples come about."""
-    problem, form = leg.problem, leg.stepper.form
-    carried = np.ones((form.carry_rows(3 * len(problem.bodies)), WIDTH))
-    form.forget(carried)
-    if problem.forces or form.transforms or carried.any() or leg.stepper.loops.parallel is not None:
-        return ByCopies()
-    if len(problem.particles):
-        return BesideParticles()
-    return FromSteps(recorded=leg.observers.records_all)
+    return SamplesOfParticles(leg) if len(leg.problem.particles) else SamplesOfLeg(leg)

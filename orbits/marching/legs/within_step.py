@@ -10,7 +10,7 @@ from orbits.integrators.forms import Array
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
-from orbits.marching.legs.problem import Problem
+from orbits.marching.legs.problem import NO_ENDS, Ends, Problem
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
@@ -24,22 +24,19 @@ def state_at(leg: Leg, place: Place) -> States:
     """
     if leg.times.is_at(place):
         return leg.state()
-    stepper, retired, part = leg.stepper, leg.losses.retired, leg.times.part(place)
-    copy = stepper.cold(retired.block, part.clock) if part.is_cold else stepper.copied()
-    leg.times.aim_exactly(copy, place)
-    leg.shown, counts = copy, stepper.counts()
+    stepper, retired = leg.stepper, leg.losses.retired
+    counts = stepper.counts()
     retired.begin()
     try:
-        while leg.loop.march_copy(copy, part.clock, part.most) == part.most and not part.is_cold:
-            pass
+        copy, clock = leg.times.copy_at(leg, place)
         lost = retired.lost()
         failure = None if lost is None or leg.problem.retire else leg.losses.lose(leg, lost, leg.step, {}, {})
         if failure is not None:
             raise failure
     finally:
         stepper.evaluations, stepper.particle_evaluations = counts
-    if stepper.form.transforms:
-        stepper.loops.leave(copy, part.clock, retired.block)
+    stepper.loops.leave(copy, clock, retired.block)
+    leg.shown = [copy]
     return stepper.gather(copy, retired.gone())
 
 
@@ -51,8 +48,10 @@ def ended_at(leg: Leg, time: float) -> Leg:
     gone = leg.problem.particles[leg.losses.retired.gone()]
     q[gone], v[gone] = NOWHERE, 0.0
     way = leg.times.way(time)
-    end = type(leg)(_like(leg, clock=way.clock, start=way.start, energy_bound=leg.problem.energy_bound), q, v)
-    end.observers.energy = leg.observers.energy
+    ends = Ends(energy_bound=leg.problem.ends.energy_bound)
+    end = type(leg)(_like(leg, clock=way.clock, start=way.start, ends=ends), q, v)
+    if leg.energy is not None and end.energy is not None:
+        end.energy.start = leg.energy.start
     leg.times.hand_on(leg, end)
     end.advance_to(way.place)
     return end
@@ -90,8 +89,6 @@ def retired_by(leg: Leg, time: float) -> list[Retirement]:
     """Return the particles that are retired, or cannot be followed up to a time less than a step ahead, in the order of
     the caller's bodies. The leg does not change: its next step may lose them a rounding error away.
     """
-    if time == leg.time:
-        return leg.retired()
     known = {one.body: one for one in leg.retired()}
     lost = (
         one._replace(step=leg.step, reading=leg.times.reading_in_part(one.reading, time))
@@ -102,7 +99,5 @@ def retired_by(leg: Leg, time: float) -> list[Retirement]:
 
 def _like(leg: Leg, **changes: Any) -> Problem:
     """Return the problem of a leg with its forces as they are now, by one thread, without what may end it."""
-    plain: dict[str, Any] = {
-        "threads": 1, "stops": None, "energy_bound": None, "radii": None, "dense": False, "underway": False
-    }  # fmt: skip
+    plain: dict[str, Any] = {"threads": 1, "ends": NO_ENDS, "dense": False, "underway": False}
     return leg.problem.but(**{**plain, "forces": leg.stepper.forces_now(), **changes})

@@ -13,8 +13,7 @@ from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import NOWHERE
-from orbits.marching.clocks import variable_steps
-from orbits.marching.clocks.constant import Clock, ConstantSteps
+from orbits.marching.clocks.constant import Clock
 from orbits.marching.following.contract import Block, Followers
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
 from orbits.marching.following.own_clocks import COLUMNS
@@ -32,6 +31,10 @@ PATH_BYTES = 4 * 1024 * 1024
 
 LEAST_BLOCK = 16
 """The fewest steps per kernel call, for any number of bodies: the search for close approaches examines its ends."""
+
+KEPT = 1024
+"""The most steps of a block after each of which the carry is recorded, for samples within them: they stay in the cache.
+"""
 
 BLOCK_WORK = 20_000_000
 """The pairs times steps per kernel call: a fraction of a second, after which signals are handled."""
@@ -67,7 +70,7 @@ class BoundLoops:
     ) -> None:
         self._form, self._tag, self._vectors = form, tag, vectors
         # Coefficients of steps of different lengths are written before each step, others made for each length.
-        self._usual = coefficients_of(form, 1.0).copy() if clock.changes else coefficients_of(form, clock.h)
+        self._usual = clock.coefficients(form)
         self._clock, self._other = clock, (clock, self._usual)
         shape = form.stages_shape(3 * n)
         least = 1 if m else LEAST_BLOCK
@@ -100,8 +103,8 @@ class BoundLoops:
             "particle_v_lo": columns,
             "particle_memory": (m, rows, WIDTH),
         }
-        if m and clock.changes:
-            shapes["particle_clock"] = (m, COLUMNS)
+        if self._follower is not None:
+            shapes |= self._follower.more_arrays(m)
         self._stages, self._scratch, *arrays = aligned(
             (self.steps if m else 1, *shape), form.scratch_shape(3 * n), *shapes.values()
         )
@@ -111,6 +114,7 @@ class BoundLoops:
         self._reads_path = self._follower is not None and self._follower.reads_path
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
+        self._keeps = False
         self._begun = aligned(self.state["memory"].shape)[0]
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
@@ -162,7 +166,8 @@ class BoundLoops:
         Returns (status, steps done, body, evaluations); see `orbits.marching.stepping.driver`.
         """
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        kicks = self.kicks if path.size else self.kicks[:0]  # of a copy of the state, nothing is recorded
+        of_march = path.size or (self._keeps and state is self.state)  # of a copy of the state, nothing is recorded
+        kicks = self.kicks if of_march else self.kicks[:0]
         if self._reads_path:
             self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles
@@ -175,12 +180,13 @@ class BoundLoops:
         return status, done, body, evaluations
 
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
-        """Compute what is marched with this clock from what is seen, for a form that `transforms`.
+        """Compute what is marched with this clock from what is seen; nothing for a form that marches this.
 
         retired : see `Retired.block`; these particles are left alone
         """
-        driver.enter_march(*self._transformation(state, clock))
-        self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
+        if self._form.transforms:
+            driver.enter_march(*self._transformation(state, clock))
+            self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
 
     def leave(
         self,
@@ -193,8 +199,9 @@ class BoundLoops:
 
         particles : those of which it is wanted; all by default
         """
-        self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
-        driver.leave_march(*self._transformation(state, clock))
+        if self._form.transforms:
+            self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
+            driver.leave_march(*self._transformation(state, clock))
 
     def _transform_particles(
         self,
@@ -222,16 +229,27 @@ class BoundLoops:
             for k in sorted({int(p) // WIDTH for p in some}):
                 transform(WIDTH * k, min(WIDTH * (k + 1), count))
 
-    def seen(self, begun: Array, count: int) -> Array:
-        """Return q and v as they are seen before the first of the `count` steps of the last block and after each, for a
-        form that `transforms` and a march with `dense`: (count + 1, 2, padded); begun : the carry before the first.
+    def seen(self, carries: Array, *, low: bool) -> Array:
+        """Return q and v as they are seen where steps left these carries, (m, rows, 8), for a form that `transforms`:
+        (m, 2, padded), or (m, 4, padded) with their low parts.
         """
         width = len(self.state["q"])
-        room, carry = aligned((4, width), begun.shape)
-        path = np.zeros((count + 1, 2, width))
+        room, carry = aligned((4, width), carries.shape[1:])
+        path = np.zeros((len(carries), 4 if low else 2, width))
         bound, room_for_steps = self.bound(self._clock, self.times)[:4], (carry, self._scratch, self._stages)
-        driver.leave_each(*bound, self._clock.h, begun, self.kicks[:count], room, *room_for_steps, path)
+        driver.leave_each(*bound, self._clock.h, carries, room, *room_for_steps, path)
         return path
+
+    @property
+    def most_kept(self) -> int:
+        """The most steps of a block after each of which the carry can be recorded."""
+        return len(self.kicks) or min(self.steps, KEPT)
+
+    def keep_carries(self, wanted: bool) -> None:
+        """Record the carry after each step of the next blocks, or no longer, of a march that is not `dense`."""
+        self._keeps = wanted
+        if wanted and not len(self.kicks):
+            self.kicks = np.empty((self.most_kept, *self.state["memory"].shape))
 
     def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
@@ -277,15 +295,3 @@ class BoundLoops:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
-
-
-def numbers_of(clock: Clock, state: dict[str, Array], start: float, steps: int) -> tuple[Array, float]:
-    """Return what compiled code needs to know of a clock, and the length of its steps, or about that.
-
-    start, steps : of clocks of constant steps, the time at which they began and how many were taken since
-    """
-    if isinstance(clock, ConstantSteps):
-        return clock.numbers(start, steps), clock.h
-    now = state["clock"]
-    now[variable_steps.ORIGIN] = now[variable_steps.TIME]
-    return now, float(now[variable_steps.LENGTH] or clock.direction)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 
 from orbits.errors import InputError
@@ -11,10 +10,7 @@ from orbits.forces.base import BoundForce
 from orbits.integrators import registry
 from orbits.integrators.base import Integrator
 from orbits.integrators.canonical.bodies import CanonicalBodies
-from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.collocation.given_bodies import GivenBodies
-from orbits.integrators.collocation.transformed_bodies import TransformedBodies
-from orbits.integrators.collocation.variational import VariationalRungeKutta
 from orbits.integrators.forms import Form
 from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.integrators.rigid.splitting import RigidSplitting
@@ -22,7 +18,6 @@ from orbits.kernels.gravity.rigid_bodies import TAG as RIGID
 from orbits.kernels.lanes import WIDTH
 from orbits.lagrangians.base import GIVEN, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.transformed import TimeTransformed
 
 
 def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool = False) -> Form:
@@ -55,34 +50,34 @@ def form_of_bodies(
     rigid = next((force for force in forces if force.tag is RIGID), None)
     if rigid is not None:
         return _rigid(integrator, lagrangian, clock, rigid, forces, with_particles=with_particles)
-    if isinstance(clock, TimeTransformed):
-        return _transformed(integrator, lagrangian, with_particles=with_particles, forces=forces)
+    own = clock.own_form(integrator, lagrangian, forces, with_particles=with_particles)
+    if own is not None:
+        return own
     if forces or GIVEN in lagrangian.traits:  # whose tables are large, and not to be kept
-        return _of_point_masses(integrator, lagrangian, clock.changes, with_particles, tuple(forces))
+        return _of_point_masses(integrator, lagrangian, type(clock), with_particles, tuple(forces))
     try:
-        return _known(integrator, lagrangian, clock.changes, with_particles)
+        return _known(integrator, lagrangian, type(clock), with_particles)  # type: ignore[arg-type]
     except TypeError:  # a method of a user that cannot be hashed
-        return _of_point_masses(integrator, lagrangian, clock.changes, with_particles)
+        return _of_point_masses(integrator, lagrangian, type(clock), with_particles)
 
 
 def _of_point_masses(
     integrator: Integrator,
     lagrangian: Lagrangian,
-    changes: bool,
+    clock: type[Clock],
     with_particles: bool,
     forces: tuple[BoundForce, ...] = (),
 ) -> Form:
     """Return the form for steps of constant length in time, or that are chosen one by one."""
-    if changes:
-        form = _changing(integrator, lagrangian, forces=forces)
-    elif (SEPARABLE in lagrangian.traits or integrator.follows_kepler) and not forces:
+    if (SEPARABLE in lagrangian.traits or integrator.follows_kepler) and not forces:
         form = form_for(integrator, lagrangian)
     else:
         form = _form_with(integrator, lagrangian, forces)
+    form = clock.adapted(form)
     if with_particles and MASSLESS_PARTICLES not in lagrangian.traits:
         raise InputError(f"'{lagrangian.name}' does not define how massless particles move; give them a small mass.")
     spinning = [force.name for force in forces if len(force.inner)]
-    if with_particles and changes and spinning:
+    if with_particles and clock.lets_particles_choose and spinning:
         raise InputError(
             f"massless particles take steps of their own, in which the internal variables of {spinning[0]}, such as a "
             "spin, are not known: give dt=... a length, or the particles a small mass."
@@ -138,37 +133,6 @@ def _rigid(
         )
     tops = getattr(rigid, "tops", ()) if with_particles else ()
     return RigidSplitting(form.lengths, form.drifts, getattr(rigid, "rigid", 0), tops)
-
-
-def _changing(integrator: Integrator, lagrangian: Lagrangian, *, forces: Sequence[BoundForce]) -> Form:
-    """Return the form for steps of different lengths, with distances accurate in close encounters."""
-    if SEPARABLE not in lagrangian.traits or forces:
-        form = _form_with(integrator, lagrangian, forces)
-        assert isinstance(form, CanonicalBodies)  # as `Adaptive.check` takes no other method
-        return replace(form, close=True)
-    form = form_for(integrator, lagrangian)
-    assert isinstance(form, Collocation)  # as `Adaptive.check` takes no other method
-    return replace(form, close=True)
-
-
-def _transformed(
-    integrator: Integrator, lagrangian: Lagrangian, *, with_particles: bool, forces: Sequence[BoundForce]
-) -> Form:
-    """Return the form for bodies in transformed time."""
-    more = [f"the force of {force.name}" for force in forces]
-    more += [f"the term '{term.name}'" for term in getattr(lagrangian, "summands", ())]
-    if more:
-        raise InputError(
-            f"transformed time is for bodies that attract each other and nothing else, so far, not with {more[0]}. "
-            + ("Give dt=... a length." if forces or SEPARABLE not in lagrangian.traits else "Leave dt out.")
-        )
-    if with_particles:
-        raise InputError(
-            "massless particles have no part in the energy that transformed time needs, and would be moved by its "
-            "rounding errors alone: leave dt out, or leave the particles out."
-        )
-    assert isinstance(integrator, VariationalRungeKutta)  # as `TimeTransformed.check` demands
-    return TransformedBodies(integrator.tableau)
 
 
 def _form_with(integrator: Integrator, lagrangian: Lagrangian, forces: Sequence[BoundForce]) -> Form:

@@ -114,23 +114,24 @@ def leave_march_of_particles(
 
 
 @kernel
-def leave_each(form, coefficients, tag, parameters, h, begun, carries, room, carry, scratch, stages, path):
-    """Write the states that are seen at the ends of steps, for a form with `leave`.
+def leave_each(form, coefficients, tag, parameters, h, carries, room, carry, scratch, stages, path):
+    """Write the states that are seen where steps left these carries, for a form with `leave`.
 
-    begun, carries : the carry before the first step, and after each, (steps, rows, 8)
-    room, carry : workspace, (4, padded), and like `begun`; path : (steps + 1, 2, padded), receives q and p
+    carries : (states, rows, 8); room, carry : workspace, (4, padded), and like one of them
+    path : (states, 2 or 4, padded), receives q and p, and their low parts
     The other arguments are those of `march`.
     """
     method, model, size = Method(form, coefficients), Model(tag, parameters), dimension(tag, parameters)
     state, storage = State(room[0], room[1], room[2], room[3]), Storage(carry, scratch, stages[0], Share(0, size, None))
-    for step in range(path.shape[0]):
-        seen = begun if step == 0 else carries[step - 1]
+    for i in range(path.shape[0]):
         for row in range(carry.shape[0]):
             for k in range(carry.shape[1]):
-                carry[row, k] = seen[row, k]
+                carry[row, k] = carries[i, row, k]
         leave(method, model, h, state, storage)
         for k in range(size):
-            path[step, 0, k], path[step, 1, k] = room[0, k], room[2, k]
+            path[i, 0, k], path[i, 1, k] = room[0, k], room[2, k]
+            if path.shape[1] > 2:
+                path[i, 2, k], path[i, 3, k] = room[1, k], room[3, k]
 
 
 @kernel

@@ -11,7 +11,6 @@ from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import INNER_NOT_CONVERGED, NO_MULTIPLIERS, NOT_CONVERGED, NOT_REGULAR
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.watching.kepler_passages import HILL_RADII
 
 Array = NDArray[np.float64]
@@ -70,59 +69,24 @@ def failure_of_bodies(
 
     momenta : whether a term adds to the momenta m v; forces : whether there are forces without a Lagrangian
     """
-    where = f"step {step + 1} (t = {time:.10g}" + (")" if clock.changes else f", dt = {abs(clock.h):.6g})")
-    if status == INNER_NOT_CONVERGED:
-        return ConvergenceError(
-            f"{where}: the internal variables of a force, such as the spin of a body in tides, did not converge: they "
-            "change faster than the step can follow. Use a smaller dt.",
-            step=step,
-            time=time,
-        )
-    if status == NOT_CONVERGED and isinstance(clock, TimeTransformed):
-        return ConvergenceError(
-            f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; the result would not "
-            f"be symplectic. Use a smaller step than {clock.step:g}: dt=orbits.TimeTransformed(step=...).",
-            step=step,
-            time=time,
-            bodies=list(names),
-        )
-    if clock.changes:
-        return SingularityError(
-            f"{where}: no step is short enough to go on: {' and '.join(names) or 'bodies'} meet there, or their "
-            "accelerations are out of the range of floats. Use softening, end the run before with "
-            "stop=orbits.events.CloserThan(...), or give radii and seek events=orbits.events.Collision(...)."
-            + momenta * " Or a term adds as much as m v to the momenta there, which needs orbits.march."
-            + forces * " Or a force jumps there, which no polynomial follows: give dt=...",
-            step=step,
-            time=time,
-            bodies=list(names),
-        )
-    if status == NOT_CONVERGED:
-        return ConvergenceError(
-            f"{where}: the stages of {integrator.name} did not converge for {', '.join(names)}; "
-            "the result would not be symplectic. Use a smaller dt, or leave it out: steps are then chosen one by one, "
-            "also where bodies come very close."
-            + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without particles.",
-            step=step,
-            time=time,
-            bodies=list(names),
-        )
+    where = f"step {step + 1} ({clock.at(time)})"
+    kind: type[IntegrationError] = SingularityError
+    own = clock.failure(status, integrator, names, momenta=momenta, forces=forces)
     whom = f" of {', '.join(names)}" if names else ""
-    if status == NOT_REGULAR:
-        return SingularityError(
-            f"{where}: the equations{whom} have no solution there. Use a smaller dt, or start elsewhere.",
-            step=step,
-            time=time,
-            bodies=list(names),
-        )
-    remedy = "or end the run before" if integrator.follows_kepler else "or softening"
-    return SingularityError(
-        f"{where}: the state{whom} is no longer finite; two bodies met, or dt is far too long. "
-        f"Use a smaller dt, {remedy}.",
-        step=step,
-        time=time,
-        bodies=list(names),
+    why = (
+        f"the state{whom} is no longer finite; two bodies met, or dt is far too long. Use a smaller dt, "
+        f"{'or end the run before' if integrator.follows_kepler else 'or softening'}."
     )
+    if status == INNER_NOT_CONVERGED:
+        kind, why = ConvergenceError, (
+            "the internal variables of a force, such as the spin of a body in tides, did not converge: they change "
+            "faster than the step can follow. Use a smaller dt."
+        )
+    elif own is not None:
+        kind, why = own
+    elif status == NOT_REGULAR:
+        why = f"the equations{whom} have no solution there. Use a smaller dt, or start elsewhere."
+    return kind(f"{where}: {why}", step=step, time=time, bodies=list(names))
 
 
 def failure_of_coordinates(

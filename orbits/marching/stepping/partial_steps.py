@@ -45,19 +45,23 @@ class PartialSteps:
         missing: NDArray[np.bool_],
         q: Array,
         v: Array,
+        carries: Array | None = None,
     ) -> None:
-        """Write the states after steps of `parts` from the states `starts` of `path`, (states, 2, padded), which are at
-        `times`, into those rows of q and v, (m, 3n), that are `missing`.
+        """Write the states after steps of `parts` from the states `starts` of `path`, (states, 2, padded), or (states,
+        4, padded) with low parts, which are at `times`, into those rows of q and v, (m, 3n), that are `missing`.
+
+        carries : (m, rows, 8), the carry with which each begins, replaced by that after it; None for zeros
 
         Raises an IntegrationError if a partial step fails.
         """
+        known = self._room[1][None][:0] if carries is None else carries
         if self._stretches:
-            self._run(self._own, self.unit, path, starts, times, parts, missing, q, v)
+            self._run(self._own, self.unit, path, starts, times, parts, missing, q, v, known)
             return
         for k in np.flatnonzero(missing):  # a method whose coefficients are made in Python, for each length
             one = slice(k, k + 1)
             own = self._form.coefficients(parts[k], parts[k]) if parts[k] else self.unit
-            self._run(own, own, path, starts[one], times[one], parts[one], missing[one], q[one], v[one])
+            self._run(own, own, path, starts[one], times[one], parts[one], missing[one], q[one], v[one], known[one])
 
     def _run(self, own: Any, unit: Any, path: Array, starts: NDArray[np.int64], times: Array, *rest: Any) -> None:
         failed, status = partial_steps(

@@ -23,7 +23,7 @@ from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.stepping.alignment import aligned
-from orbits.marching.stepping.bound_loops import BoundLoops, numbers_of
+from orbits.marching.stepping.bound_loops import BoundLoops
 from orbits.marching.stepping.choice_of_form import form_for, form_of_bodies
 from orbits.marching.tangents.in_maps import marched_in_blocks, require_map_tangents
 from orbits.marching.watching.kepler_passages import HILL_RADII
@@ -105,7 +105,7 @@ class ParticleTangents(BoundLoops):
         def march(count: int) -> bool:
             if len(self._path) < count + 1:
                 self._path = np.zeros((count + 1, 2, padded(3 * self._n)))
-            now, _ = numbers_of(self._steps, self.state, 0.0, self._done)
+            now = self._steps.numbers(0.0, self._done)
             self.march(self.state, self.bound(self._steps, now), self._path.reshape(-1), count)
             self._path[count] = self.state["q"], self.state["v"]
             finite = bool(np.isfinite(self._path[count]).all())

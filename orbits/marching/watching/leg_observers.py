@@ -99,7 +99,7 @@ class Observers:
     parameters : vector of the Lagrangian's kernels; gm from its second element on
     massive, particles : indices of the bodies in the order of the caller
     q, v : vectors of the massive bodies at the start
-    stops, energy_bound, radii : see `Leg`
+    stops, radii : see `Leg`
     passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.search.context`
     tasks : the number of tasks that march particles at the same time
     on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
@@ -111,7 +111,6 @@ class Observers:
     sees_path : whether all states of the next block are to be recorded
     records_all : whether all states of all blocks are
     given : whether the motion of all massive bodies is given: approaches among these are not looked for
-    energy : at the start, of which the bound is a fraction
     """
 
     def __init__(
@@ -122,7 +121,6 @@ class Observers:
         q: Array,
         v: Array,
         stops: Array | None,
-        energy_bound: float | None,
         passage_angle: float,
         least_eccentricity: float,
         pericentre_angle: float,
@@ -180,12 +178,8 @@ class Observers:
             self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
-        observed = len(self._stops) or energy_bound is not None or self._collide or whole_path
+        observed = len(self._stops) or self._collide or whole_path
         self.records_all = self.sees_path = bool(observed) or not notes_nearest
-        self._energy_bound, self.energy = energy_bound, 0.0
-        if energy_bound is not None:
-            self._set_state(0, q, v)
-            self.energy = path_energy(self.contexts.addresses[0], parameters, 0)
 
     @cached_property
     def own_steps(self) -> Contexts:
@@ -294,24 +288,30 @@ class Observers:
 
     def met(self, steps: int, pairs: bool = True) -> tuple[int, int] | None:
         """Return the number of steps, of the `steps` just observed, after which the march stops, and why: `SUSPECT`
-        where a pair may come to its bound in the last of them, `ENERGY` where the error is above its bound, `TOUCHED`
-        where two bodies may have touched. None if it goes on.
+        where a pair may come to its bound in the last of them, `TOUCHED` where two bodies may have touched. None if it
+        goes on.
 
         pairs : whether to stop for pairs
         """
-        found, why = steps + 1, SUSPECT
+        found = steps + 1
         if not steps:
             return None
         if pairs and len(self._stops):
             found = int(self._hits.min())
-        if self._energy_bound is not None:
-            bound = self._energy_bound * abs(self.energy)
-            step = first_energy_error(self.contexts.addresses[0], self._parameters, steps, self.energy, bound)
-            if step < found:
-                found, why = step, ENERGY
-        if self._collide and self._touched.min() <= min(found, steps):
+        if pairs and self._collide and self._touched.min() <= min(found, steps):
             return int(self._touched.min()), TOUCHED
-        return None if found > steps else (found, why)
+        return None if found > steps else (found, SUSPECT)
+
+    def energy(self, q: Array, v: Array) -> float:
+        """Return G times the energy of the massive bodies in a state."""
+        self._set_state(0, q, v)
+        return float(path_energy(self.contexts.addresses[0], self._parameters, 0))
+
+    def first_energy_error(self, steps: int, energy: float, bound: float) -> int:
+        """Return after how many of the `steps` steps just observed the energy first differs from another one by more
+        than a bound, or steps + 1.
+        """
+        return int(first_energy_error(self.contexts.addresses[0], self._parameters, steps, energy, bound))
 
     def touched_first_in(self, step: int) -> bool:
         """Return whether it is this step, of those just observed, counted from 1, in which two bodies may first have

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -65,7 +64,7 @@ class PassageList:
     """
 
     def __init__(self, gm: Array, dominant: int, passage_angle: float, clock: Clock) -> None:
-        rate = math.inf if clock.changes else passage_angle / abs(clock.h)
+        rate = clock.rate(passage_angle)
         self._gm, self._dominant, self._rate2, self._clock = gm, dominant, rate * rate, clock
         self._room = ROOM + ROOM_PER_BODY * len(gm)
         self._known = Kept(np.empty((0, COLUMNS)), 0, ())
@@ -146,11 +145,7 @@ class PassageList:
         bodies, when, step = passages[:, [ROW, MATE]], passages[:, WHEN], passages[:, STEP]
         fits = count == len(passages) and left_out >= UNKNOWN and bool(np.isfinite(passages).all())
         fits = fits and bool(((bodies == np.floor(bodies)) & (bodies >= 0) & (bodies < len(self._gm))).all())
-        if self._clock.changes:
-            fits = fits and bool(((when - step) * self._clock.direction >= 0.0).all())
-        else:
-            fits = fits and bool(((step == np.floor(step)) & (step >= 0) & (step <= steps)).all())
-            fits = fits and bool(((when >= step) & (when <= step + 1)).all())
+        fits = fits and self._clock.are_readings(step, when, int(steps))
         if not fits or (passages[:, [LEAST2, FASTEST2]] < 0.0).any():
             raise InputError("the list of passages in its checkpoint has impossible bodies, steps or numbers.")
         self._known = Kept(passages, left_out, ())

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from orbits.body_names import few
 from orbits.checks import checked_flag
 from orbits.errors import InputError
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.propagation.checks import kepler_splitting, step_check
 from orbits.propagation.checks.precision import warn_if_far
-from orbits.propagation.checks.rigid_runs import turning_fast
+from orbits.propagation.checks.rigid_runs import is_rigid, turning_fast
+from orbits.system.model import most_inner
 
 if TYPE_CHECKING:
+    from orbits.propagation.events.seeking import Seeking
     from orbits.system import System
     from orbits.time_grid import TimeGrid
 
@@ -32,6 +35,44 @@ def check_bodies(system: System, integrator: Integrator) -> None:
     if integrator.follows_kepler:
         kepler_splitting.require_outside(system)
         kepler_splitting.require_terms_of_dominant(system, integrator)
+
+
+def check_what_is_kept(system: System, integrator: Integrator, seeking: Seeking, *, dense: bool) -> None:
+    """Raise InputError for dense output and events of a run whose steps, as they are kept and searched, do not tell all
+    of its motion.
+    """
+    if dense and seeking.touching:
+        raise InputError(
+            "dense=True keeps the steps of the same bodies from start to end, but they may collide; leave it out: "
+            "run.at(times) marches on from the preceding sample, through the collisions."
+        )
+    if dense and integrator.in_encounters.follow_planets:
+        raise InputError(
+            "dense=True keeps the steps of one method, but where planets are followed, encounters take others; leave "
+            "it out: run.at(times) marches on from the preceding sample, through the encounters. Where massless "
+            "particles alone may be in encounters, encounters='follow particles' has dense output."
+        )
+    on_motion = [type(event).__name__ for event in seeking.on_motion]
+    if most_inner(system) and (dense or on_motion):
+        kinds = [*dict.fromkeys(type(force).__name__ for force in system.forces if force.variables)]
+        those, change = " and ".join(kinds), "changes" if len(kinds) == 1 else "change"
+        known = "a spin as well, or other internal variables"
+        if is_rigid(system):
+            those, change, known = "rigid bodies", "have", "attitudes and spins as well"
+        what, remedy = "dense=True keeps", (
+            "leave it out: run.at(times) marches on from the preceding sample, with what it is there."
+        )
+        if not dense:
+            what = "events are sought from"
+            remedy = f"leave out {few([*dict.fromkeys(on_motion)])}, or {those}."
+        raise InputError(
+            f"{what} positions and velocities, but {those} {change} {known}; {remedy}"
+        )
+    if dense and any(search.interrupts for search in seeking.particles):
+        raise InputError(
+            "dense=True keeps the steps of a run that goes on, but events of massless bodies with then='stop' end it "
+            "between samples; leave one of the two out: run.at(times) marches on from the preceding sample."
+        )
 
 
 def check_span(system: System, grid: TimeGrid) -> None:

@@ -35,7 +35,7 @@ from orbits.propagation.checks.passage_effect import (
     effect,
     march_pair,
 )
-from orbits.results.approach import about, as_error, two_digits
+from orbits.results.approach import as_error, at_least, two_digits
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 
@@ -167,7 +167,10 @@ def passage_ahead(system: System, integrator: Integrator, h: float, span: float)
 
 
 def too_long(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
-    """Find whether steps of h are too long for the fastest passage within `span` from now on."""
+    """Find whether steps of h are too long for the fastest passage within `span` from now on.
+
+    Only this passage is known before a run: what it costs is a lower bound, and others may need shorter steps.
+    """
     ahead = passage_ahead(system, integrator, h, span)
     if ahead is None:
         return
@@ -181,11 +184,12 @@ def too_long(system: System, integrator: Integrator, h: float, span: float) -> I
         return
     what = f"the method gets {percent(ahead.share)} of the turn wrong"
     if ahead.caused is not None and ahead.caused.spoils:
-        what = f"that alone puts {name} {about(as_error(system, ahead.caused.error))} off by the end of the run"
+        what = f"that alone puts {name} {at_least(as_error(system, ahead.caused.error))} off by the end of the run"
+    advice = what_to_do(system, integrator, ahead.enough, "this passage")
     yield Finding(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
         f"{in_digits(ahead.distance, units.length)}, a full turn would take {two_digits(2 * math.pi / ahead.angle)} "
-        f"steps, and {what}; {what_to_do(system, integrator, ahead.enough, 'this passage')}.",
+        f"steps, and {what}. {advice[0].upper()}{advice[1:]}. Other passages are known only after the run.",
         StepWarning,
         "passage ahead",
     )

@@ -8,22 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.errors import EventError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks import variable_steps as clocks
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.legs import within_step
 from orbits.marching.legs.planet_excursions import Legs
-from orbits.propagation.collisions.of_a_run import Collisions
+from orbits.propagation.collisions.merge_and_bounce import State
+from orbits.propagation.collisions.of_a_run import Collisions, rows_of_change
 from orbits.propagation.marchers import bound
 from orbits.system import System
 from orbits.trajectory.changes import Bodies, Changes, no_changes, of_bodies
 
 Array = NDArray[np.float64]
-
-FIRST_BLOCK = 8
-"""The steps of the first block after a change; each block without an impact is followed by one twice as long."""
-
 
 class BodiesOfRun:
     """The bodies of a run as they change, from which the march of each leg is made.
@@ -58,9 +56,42 @@ class BodiesOfRun:
         return Changes(self.system, self.rows, self.clock.direction)
 
     def note(self, rows: Array) -> None:
-        """Take all changes of the run so far, (k, COLUMNS)."""
-        self.rows = rows
-        self.bodies = self.changes().bodies_after(len(rows))
+        """Take further changes, (k, COLUMNS)."""
+        self.rows = np.concatenate([self.rows, rows])
+        self.bodies = self.changes().bodies_after(len(self.rows))
+
+    def changed(
+        self, kind: str, time: float, q: Array, v: Array, before: System, after: System
+    ) -> tuple[State, Array]:
+        """Return the state of all bodies after a change by an event, and the rows of those that changed.
+
+        kind, time, q, v, before, after : see `ChainOfLegs.change`
+        """
+        if after.names != before.names or (after.massive != before.massive).any():
+            raise EventError(
+                f"{kind} at t = {time:.10g}: the function returned other bodies, or gave one a mass that had none or "
+                "took all of it; expected the same bodies, of which q, v, gm and radii may change.",
+                time=time,
+            )
+        same = ("units", "softening", "terms", "forces", "epoch")
+        if any(getattr(after, name) != getattr(before, name) for name in same):
+            raise EventError(
+                f"{kind} at t = {time:.10g}: the function changed something besides q, v, gm and radii, which stays as "
+                "it is in a run.",
+                time=time,
+            )
+        numbers = [self.system.names.index(name) for name in after.names]
+        old = State(self.bodies.gm, self.bodies.radii, q, v)
+        new = State(*(x.copy() for x in old))
+        radii = np.zeros(len(after)) if after.radii is None else np.asarray(after.radii.value)
+        for kept, changed in zip(new, (after.values.gm, radii, after.values.q, after.values.v), strict=True):
+            kept[numbers] = changed
+        return new, rows_of_change(self.system, self.bodies, time, old, new)
+
+    def now(self) -> System:
+        """Return the bodies at the start of the run, with the masses and radii that they have now."""
+        radii = None if self.system.radii is None else self.bodies.radii
+        return self.system.replaced(gm=self.bodies.gm, radii=radii)
 
     def begin_leg(self) -> None:
         """Let the next leg have the bodies that are there now; massless ones that are gone keep their places."""
@@ -100,9 +131,11 @@ class BodiesOfRun:
             made.restore(now)
         return made
 
-    def again(self, march: Legs, checkpoint: Mapping[str, NDArray[Any]], seek: bool = False) -> Legs:
-        """Return a march of this leg at one of the checkpoints of its `march`, without a goal."""
-        known = dict(checkpoint)
+    def again(
+        self, march: Legs, checkpoint: Mapping[str, NDArray[Any]] | None = None, *, seek: bool = False
+    ) -> Legs:
+        """Return a copy of a march of this leg, or a march at one of its checkpoints, without a goal."""
+        known = dict(march.checkpoint() if checkpoint is None else checkpoint)
         if self.clock.changes:
             known["clock"] = known["clock"].copy()
             known["clock"][clocks.LIMIT] = np.copysign(clocks.FARTHEST, self.clock.direction)
@@ -110,7 +143,6 @@ class BodiesOfRun:
         begun = march.problem.start
         again = self.march(values.q[there], values.v[there], march.clock, begun, seek=seek, copy=True)
         again.restore(known)
-        again.block = FIRST_BLOCK
         return again
 
     def whole(self, state: tuple[Array, Array], time: float) -> tuple[Array, Array]:
@@ -124,4 +156,4 @@ class BodiesOfRun:
 
 def state_in_step(start: Legs, time: float) -> tuple[Array, Array]:
     """Return (q, v) at a time in the step that begins where a march is."""
-    return within_step.state_at(start.home, start.home.times.place_of(time))
+    return within_step.state_at(start.leg, start.leg.times.place_of(time))

@@ -20,6 +20,7 @@ from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
+from orbits.marching.legs import within_step
 from orbits.marching.legs.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.events.along_motion import MotionSearch
@@ -159,14 +160,14 @@ class ParticleSearches:
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
         if clock.changes:  # a march then counts its time from its begin
-            yield from stretches(*march.towards(time - begun.time))
+            yield from stretches(*within_step.towards(march.leg, time - begun.time))
             return
         place = self._clock.place(time - begun.time)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
         for motion, ends in stretches(march, place):
             yield motion, ends and not rest
         if rest:
-            yield from stretches(*march.towards(time))
+            yield from stretches(*within_step.towards(march.leg, time))
 
 
 def stretches(march: Legs, place: Place) -> Iterator[tuple[Motion, bool]]:
@@ -177,9 +178,9 @@ def stretches(march: Legs, place: Place) -> Iterator[tuple[Motion, bool]]:
         try:
             march.approach(place)
         except IntegrationError:
-            yield march.motion(), False
+            yield march.last.motion(), False
             raise
-        yield march.motion(), not march.is_before(place)
+        yield march.last.motion(), not march.is_before(place)
 
 
 def with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:

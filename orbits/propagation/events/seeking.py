@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, IntegrationError
+from orbits.marching.legs import within_step
+from orbits.marching.legs.next_step import after_next_step, pass_by, step_back
 from orbits.marching.watching.leg_observers import SUSPECT
 from orbits.propagation.events.along_motion import SAME, MotionSearch
 from orbits.propagation.events.asked import Asked
@@ -111,13 +113,13 @@ class Seeking(MotionSearch):
         The events before it are then recorded, and it is as well; the march is at the begin of its step. So it is if
         it stopped as a pair of bodies might come to its bound in the last step, but none does.
         """
-        if marcher.met != SUSPECT:
+        if marcher.last.met != SUSPECT:
             return self._after(marcher)
         end = Sample(marcher.time, *marcher.state())
-        marcher.step_back()
+        step_back(marcher)
         found = self._after(marcher) or self._at_a_bound(marcher, end, end.time)
         if found is None:
-            marcher.pass_by()
+            pass_by(marcher)
         return found
 
     def before_sample(self, marcher: Legs, sample: Sample) -> Found | None:
@@ -129,7 +131,7 @@ class Seeking(MotionSearch):
         if not self.stops.may_end(marcher, sample):
             return None
         with suppress(IntegrationError):
-            end = marcher.after_next_step(lambda: Sample(marcher.time, *marcher.state()))
+            end = after_next_step(marcher, lambda: Sample(marcher.time, *marcher.state()))
             if (end.time - sample.time) * self._direction >= 0.0:
                 return self._at_a_bound(marcher, end, sample.time)
         return self._at_a_bound(marcher, sample, sample.time)
@@ -156,7 +158,7 @@ class Seeking(MotionSearch):
     def _after(self, marcher: Legs) -> Found | None:
         if not self:
             return None
-        found = self.take(marcher.motion())
+        found = self.take(marcher.last.motion())
         if found is not None:
             marcher.go_back(found.steps)
         return found
@@ -169,7 +171,7 @@ class Seeking(MotionSearch):
         self.flush()
         if not self or (time - marcher.time) * self._direction <= 0.0:
             return None
-        (rest, goal), found = marcher.towards(time), None
+        (rest, goal), found = within_step.towards(marcher.leg, time), None
         while found is None and rest.is_before(goal):
             rest.approach(goal)
             found = self._seek(rest.motion(), False, record)
@@ -184,7 +186,7 @@ class Seeking(MotionSearch):
         if not self.interrupts or (time - marcher.time) * self._direction <= 0.0:
             return None
         with suppress(IntegrationError):
-            return marcher.after_next_step(lambda: self._seek(marcher.motion(), False, False, time))
+            return after_next_step(marcher, lambda: self._seek(marcher.last.motion(), False, False, time))
         return self.before(marcher, time, record=False)
 
     def before_in(self, steps: Iterable[Legs], time: float) -> Found | None:
@@ -193,7 +195,7 @@ class Seeking(MotionSearch):
         steps : marches that have taken one step each. Events are then where they are without a sample at this time.
         """
         for rest in steps:
-            found = self._seek(rest.motion(), False, False, time)
+            found = self._seek(rest.last.motion(), False, False, time)
             if found is not None:
                 return found
         return None

@@ -50,7 +50,7 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
     one = times.ndim == 0
     q, v, times, accounts = _states(trajectory, np.atleast_1d(times), "t" if one else "t[{}]")
     if one:
-        return trajectory.system_of(q[0], v[0], float(times[0]), None if accounts is None else accounts[0])
+        return trajectory._system_of(q[0], v[0], float(times[0]), None if accounts is None else accounts[0])
     some = trajectory._with_samples(times, q, v)
     some._accounts = accounts
     return some

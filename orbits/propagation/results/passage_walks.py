@@ -80,7 +80,7 @@ class Walk:
         ahead, k = self._clock.places(self._clock.direction * places - self._begun), 0
         while k < len(places):
             self.marcher.advance_to(ahead.at(k))
-            some = self.marcher.states_ahead(ahead.between(k, len(places)))
+            some = self.marcher.samples.ahead(ahead.between(k, len(places)))
             done = k + len(some[0])
             q[k:done], v[k:done] = some
             k = done

@@ -22,7 +22,7 @@ from orbits.trajectory.archived import made_by
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
-    from orbits.propagation.chain_of_legs import ChangingMarch
+    from orbits.propagation.chain_of_legs import ChainOfLegs
 
 
 def taken_up(
@@ -46,9 +46,9 @@ def taken_up(
     if place is not None:
         checkpoint, committed = place
         restore(marcher, checkpoint, path)
-        seeking.restore(checkpoint, marcher.reading != 0, path)
+        seeking.restore(checkpoint, marcher.time != 0.0, path)
         if seeking.touching or seeking.act:
-            cast("ChangingMarch", marcher).follow_events()
+            cast("ChainOfLegs", marcher).follow_events()
         _check_place(marcher, grid, committed, path)
     return marcher, seeking, accounts
 
@@ -73,7 +73,7 @@ def _check_place(marcher: March, grid: TimeGrid, committed: int, path: str | Pat
         return
     steps = grid.steps
     # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
-    last = int(steps[committed - 1]) if committed and not marcher.is_away else 0
+    last = int(steps[committed - 1]) if committed and marcher.current.leg is marcher.home else 0
     if not last <= marcher.step <= int(steps[committed]):
         raise ArchiveError(
             f"{path} is damaged: its checkpoint is at step {marcher.step}, but the samples before and after it are at "

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError
-from orbits.marching.legs.planet_excursions import PREFIX as AWAY
+from orbits.marching.legs.chosen_steps import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ def lost_by_the_end(march: Marching, run: Trajectory) -> list[Retirement]:
     retired = march.retired()
     if missing(run, retired):
         with suppress(IntegrationError):  # of the massive bodies, where the run ends
-            return march.retired_by(float(run.times[-1]))
+            return march.retired(float(run.times[-1]))
     return retired
 
 

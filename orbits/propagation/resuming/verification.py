@@ -21,6 +21,7 @@ from orbits.plotting.words import fitting_time
 from orbits.propagation.marchers import differences
 from orbits.propagation.resuming.recomputing import Compared, recomputed
 from orbits.trajectory import Trajectory
+from orbits.trajectory.stored import of_archive
 
 if TYPE_CHECKING:
     from orbits.propagation.events.base import Sought
@@ -110,8 +111,8 @@ def verify(
     Checked are the header, the commits, the checkpoint, every chunk of samples and of dense output against their
     checksums, the order of times, that samples are numbers except where a particle was retired or a body merged, that
     the first sample is the start of the run, and that a part of the run, integrated again, gives the same samples and
-    the same state at the end, bit for bit. Told are the drift of the conserved quantities, with what the run was made,
-    and whether a process is writing the file, which is not disturbed.
+    the same state at the end, bit for bit. The result also has the drift of the conserved quantities, the versions that
+    made the run, and whether a process is writing the file, which is not disturbed.
 
     recompute : "last" integrates from the last checkpoint but one, ten seconds of the run at most; "all" from the
         start; "none" does not
@@ -162,7 +163,7 @@ def _verified(
     sound = whole and not damaged
     findings.append(_numbers(archive, damaged, listed=sound))
     if sound and findings[-1].ok:
-        run = Trajectory.of_archive(Archive.open(path), path=path)
+        run = of_archive(Trajectory, Archive.open(path), path=path)
         with run.archive:  # type: ignore[union-attr]
             findings.append(Finding("conserved", _drift(run), None))
     if whole and recompute != "none":

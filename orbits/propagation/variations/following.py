@@ -13,6 +13,7 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.transformed import TimeTransformed
+from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import available_threads
 from orbits.marching.stepping.choice_of_form import form_of_bodies
 from orbits.marching.stepping.pool import Pool
@@ -146,7 +147,7 @@ def at_samples(
             yield tangents, march.time
             continue
         part = tangents.branched()
-        for motion, _ in stretches(*march.towards(time)):
+        for motion, _ in stretches(*within_step.towards(march.leg, time)):
             part.follow(motion)
         yield part, time
 

@@ -1,0 +1,44 @@
+"""The next step of a march of the same bodies: how it is taken whatever is met in it, and what lies in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from orbits.marching.legs.march import MarchOfSameBodies
+
+T = TypeVar("T")
+
+
+def step_back(march: MarchOfSameBodies) -> None:
+    """Return to the state before the last step of the last block, in which a pair may come to its bound."""
+    march.last.bounds.beware()
+    march.go_back(march.last.loop.taken - 1)
+
+
+def pass_by(march: MarchOfSameBodies) -> None:
+    """Let a march take its next step whatever pairs come to their bounds in it."""
+    march.leg.bounds.passes = True
+
+
+def take_step(march: MarchOfSameBodies) -> bool:
+    """Take the next step, whatever pairs come to their bounds in it; return whether there is one."""
+    begun = march.time
+    for _ in range(4):  # all bodies may enter a map first, find that they cannot take a step of it, and leave it
+        pass_by(march)
+        march.approach(march.leg.times.next_place())
+        if march.time != begun:
+            return True
+    return False
+
+
+def after_next_step(march: MarchOfSameBodies, read: Callable[[], T]) -> T:
+    """Return what a function returns after the next step; the march does not change. Raises what `approach` raises."""
+    loop, kept = march.home.loop, march.checkpoint()
+    listeners, loop.listeners = loop.listeners, []
+    try:
+        take_step(march)
+        return read()
+    finally:
+        march.restore(kept)
+        loop.listeners, march.last.met = listeners, None

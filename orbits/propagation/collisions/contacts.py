@@ -1,0 +1,233 @@
+"""What a chain of legs does where two of its bodies may touch: the step is searched on copies, and the bodies collide.
+
+A leg ends before such a step. The copies cover it, and those after it up to the next sample; each collision in them
+changes the bodies, ends the run, or is only listed.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import IntegrationError
+from orbits.kernels.steps import IMPACT
+from orbits.marching.legs import within_step
+from orbits.marching.legs.planet_excursions import Legs
+from orbits.marching.stepping.motion import Motion
+from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
+from orbits.propagation.collisions.impact import Impact, Step, impacts
+from orbits.propagation.collisions.merge_and_bounce import State
+from orbits.propagation.collisions.of_a_run import Collisions
+from orbits.propagation.collisions.own_impacts import alone, own_impacts
+from orbits.propagation.events.base import Found
+from orbits.propagation.events.left import Left
+from orbits.propagation.events.particles import stretches
+from orbits.propagation.events.seeking import Seeking
+from orbits.propagation.marchers import bound
+from orbits.trajectory import changes
+from orbits.trajectory.changes import of_bodies
+from orbits.trajectory.events import BODY, OTHER, TIME
+
+Array = NDArray[np.float64]
+
+
+class Ahead(NamedTuple):
+    """A step: the marches where it begins and ends, the time at which it ends, and the collisions in it, in the order
+    of time.
+
+    passed : the motion in whole steps before it in which no events were sought
+    """
+
+    start: Legs
+    after: Legs
+    end: float
+    impacts: list[Impact]
+    passed: tuple[Motion, ...] = ()
+
+
+class Outcome(NamedTuple):
+    """What interrupts a march at a contact.
+
+    found : an event before it, or at it; ended : the row of the collision that ends the run, and the bodies there
+    start, time, state : where another leg begins: the march at the beginning of the step, and the changed bodies
+    """
+
+    found: Found | None = None
+    ended: tuple[Array, State] | None = None
+    start: Legs | None = None
+    time: float = 0.0
+    state: State | None = None
+
+
+class Contacts:
+    """The contacts of the bodies of a run.
+
+    of : the bodies; events : of the run, among which collisions are listed
+    """
+
+    def __init__(self, of: BodiesOfRun, collisions: Collisions, events: Seeking) -> None:
+        self._of, self._collisions, self._events = of, collisions, events
+        self._direction = of.clock.direction
+        self._ahead: Ahead | None = None
+
+    def forget(self) -> None:
+        """Forget the steps ahead: the march goes on."""
+        self._ahead = None
+
+    def may_lie_before(self, march: Legs, time: float) -> bool:
+        """Return whether there may be contacts between a march and a time up to which it has taken its steps."""
+        ahead = self._ahead
+        if not self._is_later(time, march.time):
+            return False
+        if ahead is None or not self._is_later(ahead.end, time):
+            return True
+        return any(not self._is_later(x.time, time) and not self._is_known(x) for x in ahead.impacts)
+
+    def before(self, march: Legs, time: float) -> Outcome | None:
+        """Deal with the contacts of the next step ahead of a march, up to a time; return what interrupts it, if any."""
+        ahead = self._ahead
+        if ahead is None:
+            ahead = self._step_after(march, ())
+        elif not self._is_later(ahead.end, time):
+            # Several steps, if they become shorter than the one that the clock tried and did not take.
+            ahead = self._step_after(ahead.after, (*ahead.passed, ahead.after.last.motion()) if self._events else ())
+        self._ahead = ahead
+        return self._first(march, ahead, time)
+
+    def in_step_after(self, march: Legs) -> Outcome | None:
+        """Deal with the contacts of the next step of a march; return what interrupts it, if any."""
+        ahead = self._step_after(march, ())
+        return self._first(march, ahead, ahead.end)
+
+    def follow_events(self) -> None:
+        """Seek the events of the bodies that are there now, in a run that is resumed."""
+        of, known = self._of, self._of.changes()
+        of_massive = of.massive[of.rows[:, changes.BODY].astype(int)]
+        for time in (np.unique(of.rows[of_massive, changes.TIME] * self._direction) * self._direction).tolist():
+            bodies = known.bodies_at(time)
+            self._events.go_on_with(Left(bodies, of.massive & ~bodies.present, time))
+
+    def _is_later(self, time: float, other: float) -> bool:
+        return (time - other) * self._direction > 0.0
+
+    def _is_known(self, impact: Impact) -> bool:
+        """Return whether a collision is listed already, or a body of it is gone."""
+        if not (self._of.bodies.present[impact.first] and self._of.bodies.present[impact.second]):
+            return True
+        listed = self._events.log.rows
+        pairs = np.sort(listed[listed[:, TIME] == impact.time][:, [BODY, OTHER]], axis=1)
+        return bool((pairs == [impact.first, impact.second]).all(axis=1).any())
+
+    # --------------------------------------------------------------------------------------------- what happens
+
+    def _first(self, march: Legs, ahead: Ahead, until: float) -> Outcome | None:
+        """Deal with the collisions of a step, up to a time; return what interrupts the march first, if any."""
+        for impact in ahead.impacts:
+            if self._is_later(impact.time, until):
+                return None
+            if not self._is_known(impact):
+                outcome = self._collide(march, ahead, impact)
+                if outcome is not None:
+                    return outcome
+        return None
+
+    def _collide(self, march: Legs, ahead: Ahead, impact: Impact) -> Outcome | None:
+        """Let two bodies collide in a step."""
+        of, start, time = self._of, ahead.start, impact.time
+        q, v = of.whole(state_in_step(start, time), start.time)
+        before = State(of.bodies.gm, of.bodies.radii, q, v)
+        known = self._collisions.events(self._events.log.rows)
+        try:
+            done = self._collisions.act(of.system, of.bodies, before, impact, known, self._direction)
+        except IntegrationError:
+            self._seek_up_to(ahead, time, q, v)
+            raise
+        changed = len(done.rows) > 0 and done.vanished is None
+        found = self._seek_up_to(ahead, time, q, v) if done.ends or changed else None
+        if found is not None:
+            return Outcome(found)
+        for row in done.found:
+            self._events.note(row)
+        if done.ends:
+            return Outcome(ended=(done.found[-1], before))
+        of.note(done.rows)
+        if done.vanished is not None:  # massless: nothing else changes by a bit
+            numbers = np.cumsum(of.there) - 1
+            for body in done.vanished:
+                for home in {march.home, start.home}:
+                    home.losses.retire(home, int(numbers[body]), IMPACT, start.step, time, q[body], v[body])
+        if not changed:
+            return None
+        if self._events:
+            left = Left(of.bodies, of.massive & ~of.bodies.present, time)
+            found = self._events.go_through(time, (q, v), (done.after.q, done.after.v), left)
+        return Outcome(found, None, start, time, done.after)
+
+    def _seek_up_to(self, ahead: Ahead, time: float, q: Array, v: Array) -> Found | None:
+        """Seek events up to a collision, in a step; return the first one that interrupts the run, if any.
+
+        q, v : of all bodies there, (n, 3)
+        """
+        if not self._events:
+            return None
+        for motion in ahead.passed:
+            found = self._events.take(motion)
+            if found is not None:
+                return found
+        self._events.flush()
+        if not self._is_later(time, ahead.start.time):
+            return None
+        there = self._of.present_massive()
+        for motion, ends in stretches(*within_step.towards(ahead.start.leg, time)):
+            if ends:  # so that no zero falls between the motion before the collision and that after it
+                motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
+            found = self._events.search(motion)
+            if found is not None:
+                return found
+        return None
+
+    # ------------------------------------------------------------------------------------------- the steps ahead
+
+    def _step_after(self, march: Legs, passed: tuple[Motion, ...]) -> Ahead:
+        """Search the next step of a march, on a copy; passed : the motion in those before it."""
+        after = self._of.again(march, seek=True)
+        after.home.advance(1)
+        end = after.time if after.step > march.step else self._direction * math.inf  # nothing attracts
+        return Ahead(march, after, end, self._impacts(march, after) if after.last.met is not None else [], passed)
+
+    def _impacts(self, start: Legs, after: Legs) -> list[Impact]:
+        """Return the collisions in the step between two states of a march, in the order of time."""
+        of, collisions, whole = self._of, self._collisions, self._of.whole
+        q, v = whole(start.state(), start.time), whole(after.state(), start.time)
+
+        def at(time: float) -> tuple[Array, Array]:
+            return whole(state_in_step(start, time), start.time)
+
+        massive = np.flatnonzero(of.present_massive())
+        step = Step(start.time, after.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
+        if not start.clock.changes or of.massive.all():
+            return impacts(step, of.bodies.radii, collisions.seeks, of.integrator.order)
+        for x in (*step.before, *step.after):
+            x[~of.massive] = np.nan
+        found = impacts(step, of.bodies.radii, collisions.seeks, of.integrator.order)
+        numbers = np.flatnonzero(of.there)
+        for particle in numbers[after.home.observers.touching(after.home.loop.taken)].tolist():
+            if of.bodies.present[particle]:
+                found += self._impacts_of(particle, start, after.time)
+        return sorted(found, key=lambda x: (x.time * self._direction, x.first, x.second))
+
+    def _impacts_of(self, particle: int, start: Legs, end: float) -> list[Impact]:
+        """Return the collisions of a massless body in its own steps within one of the massive bodies, up to the first
+        after which it does not go on as before.
+        """
+        of, values = self._of, self._of.system.values
+        some = of.present_massive()
+        some[particle] = True
+        system = of_bodies(of.system, of.bodies._replace(present=some))
+        march = bound(system, of.integrator, of.clock, 1, state=(values.q[some], values.v[some]))
+        number = int((~of.massive & of.there)[:particle].sum())
+        march.restore(alone(start.checkpoint(), march.checkpoint(), number))
+        return own_impacts(march, particle, some, end, of.bodies.radii, self._collisions)
