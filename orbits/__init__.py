@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from orbits.certificate import Certificate, certify
     from orbits.elements.kepler_flow import kepler_flow
     from orbits.ephemeris import asteroids, read_mpcorb, read_sbdb
+    from orbits.fitting.fitted_orbit import fit
+    from orbits.fitting.observations import Observations
     from orbits.integrators.gauss import Gauss
     from orbits.integrators.stormer_verlet import StormerVerlet
     from orbits.integrators.wisdom_holman import WisdomHolman
@@ -64,6 +66,7 @@ __all__ = [
     "Heartbeat",
     "Lagrangian",
     "Motion",
+    "Observations",
     "RigidBody",
     "StormerVerlet",
     "Symmetry",
@@ -77,6 +80,7 @@ __all__ = [
     "asteroids",
     "certify",
     "compare",
+    "fit",
     "kepler_flow",
     "kernel",
     "march",
@@ -98,6 +102,8 @@ _HOME = {
     "certificate": ["Certificate", "certify"],
     "elements.kepler_flow": ["kepler_flow"],
     "ephemeris": ["asteroids", "read_mpcorb", "read_sbdb"],
+    "fitting.fitted_orbit": ["fit"],
+    "fitting.observations": ["Observations"],
     "integrators.gauss": ["Gauss"],
     "integrators.stormer_verlet": ["StormerVerlet"],
     "integrators.wisdom_holman": ["WisdomHolman"],

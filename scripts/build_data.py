@@ -8,9 +8,10 @@
     python scripts/build_data.py small-bodies asteroids.dat  # GM and elements of DE440's asteroids and TNOs
     python scripts/build_data.py small-body-states        # integrates those to dates from 2000 to 2030
     python scripts/build_data.py horizons P.parquet       # small bodies, from adam-core 0.6.1 on PyPI; needs pyarrow
+    python scripts/build_data.py observatories ObsCodes.htm  # the MPC's codes, from its page
     python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
 
-The second to eighth write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the
+The second to ninth write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the
 last bits of integrated states may depend on the processor. The last one needs heyoka with quadruple precision.
 Each command prints what it found and ends with exit code 0 when all is as the table says, 1 otherwise.
 """
@@ -268,6 +269,12 @@ def build_horizons(source: Path) -> bool:
     return written("horizons_small_bodies.csv", "".join(rows).encode())
 
 
+def build_observatories(source: Path) -> bool:
+    """Take the MPC's page of observatory codes out of its HTML."""
+    text = source.read_text(encoding="utf-8")
+    return written("mpc_observatories.txt", text[text.index("Code") : text.index("</pre>")].encode())
+
+
 def main() -> int:
     """Run one command; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -277,6 +284,7 @@ def main() -> int:
     for name in ("asteroids", "small-bodies"):
         commands.add_parser(name).add_argument("source", type=Path, help="asteroids.dat of kstars-data")
     commands.add_parser("horizons").add_argument("source", type=Path, help="propagated_orbits.parquet of adam-core")
+    commands.add_parser("observatories").add_argument("source", type=Path, help="ObsCodes.htm of the MPC")
     ten_body = commands.add_parser("ten-body")
     ten_body.add_argument("--years", type=int, nargs="+", default=[10], choices=[10, 100, 1000])
     arguments = parser.parse_args()
@@ -286,6 +294,8 @@ def main() -> int:
         good = build_small_bodies(arguments.source)
     elif arguments.command == "horizons":
         good = build_horizons(arguments.source)
+    elif arguments.command == "observatories":
+        good = build_observatories(arguments.source)
     elif arguments.command == "ten-body":
         good = check_ten_body(arguments.years)
     else:

@@ -131,8 +131,8 @@ def ephemeris(
     observer: Annotated[
         str,
         typer.Option(
-            help="A body, 'barycentre', or a place on the Earth: degrees east, degrees north, metres, with commas, as "
-            "in -70.7366,-30.2407,2663.",
+            help="A body, 'barycentre', the code of an observatory, such as 568, or a place on the Earth: degrees "
+            "east, degrees north, metres, with commas, as in -70.7366,-30.2407,2663.",
             metavar="WHERE",
         ),
     ] = "Earth",

@@ -52,21 +52,43 @@ class Site(NamedTuple):
     horizon: Array
 
 
-def site_at(site: EarthLocation, dates: Time) -> Site:
-    """Return where a place on the Earth is, and its horizon; dates in TDB. Warns of times beyond the IERS's tables."""
+class Turning(NamedTuple):
+    """How the Earth is turned at m times.
+
+    matrix : from the axes of the ICRF to those of the Earth, (m, 3, 3)
+    axis : that of the rotation, in the axes of the Earth, (m, 3)
+    """
+
+    matrix: Array
+    axis: Array
+
+    def carries(self, x: Array) -> tuple[Array, Array]:
+        """Return where places on the Earth, (3,) or (m, 3) in its axes, are in those of the ICRF, and how they move by
+        its rotation, per day of TT.
+        """
+        back = np.swapaxes(self.matrix, -1, -2)
+        spin = ROTATION * np.cross(self.axis, x)
+        return (back @ x[..., None])[..., 0], np.einsum("mij,mj->mi", back, spin)
+
+
+def turning(dates: Time) -> Turning:
+    """Return how the Earth is turned; dates in TDB. Warns of times beyond the IERS's tables."""
     ut1, pole = rotation(dates)
     # From the axes of the ICRF to those of the Earth; offsets of the pole of date, 0.3 mas, are 1 cm at the equator.
     turned = erfa.c2t06a(dates.jd1, dates.jd2, *ut1, *pole)
-    back = np.swapaxes(turned, -1, -2)
-    x = np.array([c.to_value(u.km) for c in site.geocentric]) / AU_KM
     # The axis of rotation is the pole of date, which is 15 m from that of the Earth's own axes.
-    axis = np.stack([pole[0], -pole[1], np.ones_like(pole[0])], axis=1)
-    spin = ROTATION * np.cross(axis, x)
+    return Turning(turned, np.stack([pole[0], -pole[1], np.ones_like(pole[0])], axis=1))
+
+
+def site_at(site: EarthLocation, dates: Time) -> Site:
+    """Return where a place on the Earth is, and its horizon; dates in TDB. Warns of times beyond the IERS's tables."""
+    turned = turning(dates)
+    q, v = turned.carries(np.array([c.to_value(u.km) for c in site.geocentric]) / AU_KM)
     lon, lat = site.lon.rad, site.lat.rad
     north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
     east = [-np.sin(lon), np.cos(lon), 0.0]
     up = [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)]
-    return Site(back @ x, np.einsum("mij,mj->mi", back, spin), np.array([north, east, up]) @ turned)
+    return Site(q, v, np.array([north, east, up]) @ turned.matrix)
 
 
 def rotation(dates: Time) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

@@ -11,6 +11,7 @@ import numpy as np
 from orbits import ephemeris
 from orbits.body_names import place_of
 from orbits.errors import InputError, UnknownNameError, shown
+from orbits.observing.stations import Station, stations
 
 if TYPE_CHECKING:
     from astropy.coordinates import EarthLocation
@@ -37,10 +38,12 @@ class Observer:
     body : the name of the body at whose centre, or on which, it is: one of the run, or of DE440; None for the
         barycentre of the Solar System
     site : its place on the Earth, or None
+    station : code and name of the observatory there, or ""
     """
 
     body: str | None
     site: EarthLocation | None = None
+    station: str = ""
 
     @property
     def on_earth(self) -> bool:
@@ -53,6 +56,8 @@ class Observer:
         return self.body is not None and known(self.body) == SUN
 
     def __str__(self) -> str:
+        if self.station:
+            return self.station
         if self.site is not None:
             lon, lat, height = self.site.geodetic
             east, north = "EW"[int(lon.deg < 0.0)], "NS"[int(lat.deg < 0.0)]
@@ -65,7 +70,8 @@ class Observer:
 def observer_of(given: Any, names: Sequence[str]) -> Observer:
     """Return the observer that is meant.
 
-    given : an `EarthLocation`; the name of a body of the run or of DE440; "geocentre", "heliocentric", "barycentre"
+    given : an `EarthLocation`; the name of a body of the run or of DE440; "geocentre", "heliocentric", "barycentre"; or
+        the code of an observatory, such as "568"
     names : of the bodies of the run
     Raises UnknownNameError, and InputError for anything else.
     """
@@ -77,8 +83,9 @@ def observer_of(given: Any, names: Sequence[str]) -> Observer:
         return Observer(EARTH, given)
     if not isinstance(given, str):
         raise InputError(
-            f"observer is {shown(given)}; expected a name, such as 'Earth' or 'Mars', 'barycentre', or a place on the "
-            "Earth: astropy.coordinates.EarthLocation.from_geodetic(lon, lat, height)."
+            f"observer is {shown(given)}; expected a name, such as 'Earth' or 'Mars', 'barycentre', the code of an "
+            "observatory, such as '568', or a place on the Earth: "
+            "astropy.coordinates.EarthLocation.from_geodetic(lon, lat, height)."
         )
     place = place_of(given, names)
     if place is not None:
@@ -90,10 +97,28 @@ def observer_of(given: Any, names: Sequence[str]) -> Observer:
     body = known(given)
     if body is not None:
         return Observer(body)
+    station = stations().get(given.strip())
+    if station is not None:
+        return _at(station)
     raise UnknownNameError(
         f"there is no observer {shown(given)}; expected a body of the run or of DE440, such as 'Earth' or 'Mars', "
-        "'barycentre', or a place on the Earth: astropy.coordinates.EarthLocation.from_geodetic(lon, lat, height)."
+        "'barycentre', the MPC's code of an observatory, such as '568', or a place on the Earth: "
+        "astropy.coordinates.EarthLocation.from_geodetic(lon, lat, height)."
     )
+
+
+def _at(station: Station) -> Observer:
+    """Return an observatory as an observer. Raises InputError for one in space, or that roves."""
+    from astropy.coordinates import EarthLocation
+
+    if station.x is None:
+        raise InputError(
+            f"the observatory {station} has no place on the Earth: it is in space or moves; expected another one, or a "
+            "body of the run that moves as it does."
+        )
+    if not station.x.any():
+        return Observer(EARTH, station=str(station))
+    return Observer(EARTH, EarthLocation.from_geocentric(*station.x, unit="au"), str(station))
 
 
 def known(name: str) -> str | None:

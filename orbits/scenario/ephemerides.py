@@ -22,9 +22,11 @@ MOST_TIMES = 100_000
 def typed_observer(text: str) -> Any:
     """Return "-70.7,-30.2,2663" (degrees east, degrees north, metres) as an `EarthLocation`, any other text unchanged.
 
-    Raises InputError for numbers that are no place.
+    Raises InputError for several numbers that are no place; one alone is the code of an observatory.
     """
     parts = text.split(",")
+    if len(parts) == 1:
+        return text
     try:
         numbers = [float(part) for part in parts]
     except ValueError:

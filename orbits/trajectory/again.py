@@ -206,8 +206,9 @@ class MarchedAgain:
 
         bodies : names; by default all but the observer's. Of one name quantities are (m,), otherwise (m, bodies)
         observer : a body of the run or of DE440 ("Earth" or "geocentre", "Sun" or "heliocentric", "Mars"),
-            "barycentre", or a place on the Earth, an `EarthLocation`. The Earth is that of the run; if it has only the
-            barycentre of Earth and Moon, DE440 places it relative to this; if it has neither, it is DE440's
+            "barycentre", a place on the Earth, an `EarthLocation`, or the MPC's code of an observatory, such as "568".
+            The Earth is that of the run; if it has only the barycentre of Earth and Moon, DE440 places it relative to
+            this; if it has neither, it is DE440's
         times : of the observation, as for `run.at`: a `Time` of any scale, which is shown if it is UTC; texts and
             datetime64 are TDB; numbers and quantities count from the epoch. By default those of the samples
         H, G : absolute magnitude and slope, numbers for one body or by name; or H alone, a catalogue as read by

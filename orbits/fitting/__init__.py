@@ -1,0 +1,10 @@
+"""From observations to an orbit: readers of astrometry, weights, an initial orbit, differential correction."""
+
+from orbits.fitting.fitted_orbit import fit
+from orbits.fitting.initial import Root
+from orbits.fitting.observations import Observations
+from orbits.fitting.record import Ignored, Place, Record
+from orbits.fitting.result import Fit
+from orbits.fitting.uncertainty import Covariance
+
+__all__ = ["Covariance", "Fit", "Ignored", "Observations", "Place", "Record", "Root", "fit"]

@@ -1,0 +1,199 @@
+"""Differential correction: the start of a body for which the weighted squares of the residuals are least.
+
+Steps are those of Gauss and Newton, shortened after Levenberg and Marquardt while they do not help. Observations are
+rejected, and taken back, by the size of their residuals relative to what is expected of these after the fit.
+Sources: Milani & Gronchi (2010), Theory of Orbit Determination, ch. 5; Carpino, Milani & Chesley (2003), Icarus 166,
+248.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.errors import ConvergenceError, IntegrationError
+from orbits.fitting.arc import Arc
+from orbits.fitting.sight import Sight
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CONVERGED = 1e-3
+"""A correction of this many of its own sigmas is the last one."""
+
+ROUGH = 0.1
+"""The same while outliers are sought, whose large residuals are far from linear."""
+
+NOTHING = 0.01
+"""By how much the sum of squares, in units of sigmas, may grow in a step."""
+
+STILL_GOOD = 1e-3
+"""Derivatives are used again as long as residuals change as they predict, to this part."""
+
+MOST_STEPS, MOST_ROUNDS = 40, 15
+SINGULAR = 1e-11
+"""Directions whose derivatives are smaller than this, relative to the largest, are not determined."""
+
+REJECTED, RECOVERED, WORST = 8.0, 7.0, 0.25
+"""Chi-squared of an observation that is rejected, and below which it is taken back; in each round only those above this
+part of the largest are rejected, so that a gross error does not drag good ones along."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A start of a body, and what it leaves.
+
+    start : (6,), au and au/d; residuals : arcseconds, (m, 2); delay : of the light, days, (m,)
+    derivatives : of what is computed by the start, arcseconds, (m, 2, 6)
+    used : which observations count, (m,); chi2 : of each observation, relative to what is expected of it after the fit
+    """
+
+    start: Array
+    residuals: Array
+    delay: Array
+    derivatives: Array
+    used: Mask
+    chi2: Array
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is fitted: arc and sight; sigma : (m, 2), arcseconds; correlation : of both coordinates, (m,)."""
+
+    arc: Arc
+    sight: Sight
+    sigma: Array
+    correlation: Array
+
+    def seen(self, start: Array, delay: Array) -> tuple[Array, Array]:
+        """Return the residuals, (m, 2), and the light times; delay : about them."""
+        seen = self.sight.seen(*self.arc.states(start, self.sight.days - delay), delay)
+        return self.sight.residuals(seen), seen.delay
+
+    def derivatives(self, start: Array, delay: Array) -> Array:
+        """Return the derivatives of what is computed by the start, (m, 2, 6)."""
+        times = self.sight.days - delay
+        seen = self.sight.seen(*self.arc.states(start, times), delay)
+        return self.sight.derivatives(seen, self.arc.derivatives(start, times)[:, :3])
+
+    def white(self, x: Array) -> Array:
+        """Return residuals or derivatives, (m, 2, ...), in units of their sigmas, without their correlation."""
+        more = (1,) * (x.ndim - 2)
+        sigma, c = self.sigma.reshape(*self.sigma.shape, *more), self.correlation.reshape(-1, *more)
+        first = x[:, 0] / sigma[:, 0]
+        return np.stack([first, (x[:, 1] / sigma[:, 1] - c * first) / np.sqrt(1.0 - c * c)], axis=1)
+
+    def some(self, rows: NDArray[np.intp]) -> Problem:
+        """Return the problem of some of the observations."""
+        return replace(self, sight=self.sight.some(rows), sigma=self.sigma[rows], correlation=self.correlation[rows])
+
+
+def corrected(
+    problem: Problem, start: Array, used: Mask, known: Solution | None = None, enough: float = CONVERGED
+) -> Solution:
+    """Return the best start near a given one, for the observations that are used.
+
+    known : the solution for others of them, whose start it is; enough : sigmas of the last correction
+    Raises ConvergenceError if it is not found, or if the observations do not determine it.
+    """
+    if known is None:
+        now, delay = np.array(start, dtype=np.float64), np.zeros(len(used))
+        for _ in range(2):  # the first light time is a guess
+            residuals, delay = problem.seen(now, delay)
+        linear = Linear.of(problem, problem.derivatives(now, delay), used)
+    else:
+        now, residuals, delay = known.start, known.residuals, known.delay
+        linear = Linear.of(problem, known.derivatives, used)
+    damping, exact = 0.0, True  # whether the derivatives are those of this very start
+    for _ in range(MOST_STEPS):
+        r = problem.white(residuals)[used].ravel()
+        step, change = linear.step(r, damping)
+        size = float(np.linalg.norm(change))
+        last = size < enough * np.sqrt(6.0)
+        try:
+            tried, light = problem.seen(now + step, delay)
+            found = problem.white(tried)[used].ravel()
+        except IntegrationError:
+            found = np.full_like(r, np.inf)
+        if np.isfinite(found).all() and (last or float(found @ found) <= float(r @ r) + NOTHING):
+            now, residuals, delay = now + step, tried, light
+            if last and damping == 0.0:
+                return _solution(problem, now, residuals, delay, linear.derivatives, used)
+            damping, exact = damping / 30.0 if damping > 1e-9 else 0.0, False
+            if np.linalg.norm(found - (r - change)) <= STILL_GOOD * size:
+                continue
+        elif exact:
+            damping = max(30.0 * damping, 1e-8)
+            continue
+        linear, exact = Linear.of(problem, problem.derivatives(now, delay), used), True
+    raise ConvergenceError("the differential correction does not converge.")
+
+
+@dataclass(frozen=True)
+class Linear:
+    """The derivatives of residuals by the start, and the parts of them in units of sigmas and of their own lengths.
+
+    derivatives : (m, 2, 6), of all observations; left, sizes, right : of those that are used; scale : lengths, (6,)
+    """
+
+    derivatives: Array
+    left: Array
+    sizes: Array
+    right: Array
+    scale: Array
+
+    @classmethod
+    def of(cls, problem: Problem, derivatives: Array, used: Mask) -> Linear:
+        """Return the parts. Raises ConvergenceError if the observations do not determine the start."""
+        white = problem.white(derivatives)[used].reshape(-1, 6)
+        scale = np.linalg.norm(white, axis=0)
+        if not (np.isfinite(scale).all() and scale.all() and len(white) >= 6):
+            raise ConvergenceError("the observations do not determine all six elements of an orbit.")
+        left, sizes, right = np.linalg.svd(white / scale, full_matrices=False)
+        if sizes[-1] < SINGULAR * sizes[0]:
+            raise ConvergenceError("the observations do not determine all six elements of an orbit.")
+        return cls(derivatives, left, sizes, right, scale)
+
+    def step(self, r: Array, damping: float) -> tuple[Array, Array]:
+        """Return the correction of the start, (6,), for residuals r in units of sigmas, and what it takes off them."""
+        parts = self.sizes / (self.sizes**2 + damping) * (self.left.T @ r)
+        return (self.right.T @ parts) / self.scale, self.left @ (self.sizes * parts)
+
+
+def _solution(
+    problem: Problem, start: Array, residuals: Array, delay: Array, derivatives: Array, used: Mask
+) -> Solution:
+    """Return a solution with chi-squared of each observation: of residuals whose covariance is that of the observation,
+    less what the fit takes of it, or more for one that is not used.
+    """
+    white, r = problem.white(derivatives), problem.white(residuals)
+    of_fit = white @ covariance(white[used].reshape(-1, 6)) @ np.swapaxes(white, 1, 2)
+    expected = np.eye(2) + np.where(used, -1.0, 1.0)[:, None, None] * of_fit
+    # An observation that determines the orbit by itself leaves nothing: of rounding, here a thousandth.
+    expected[:, [0, 1], [0, 1]] = np.maximum(expected[:, [0, 1], [0, 1]], 1e-3)
+    chi2 = np.einsum("mi,mi->m", r, np.linalg.solve(expected, r[:, :, None])[:, :, 0])
+    return Solution(start, residuals, delay, derivatives, used, np.abs(chi2))
+
+
+def covariance(white: Array) -> Array:
+    """Return the covariance of the start by derivatives in units of sigmas, (2 m, 6)."""
+    scale = np.linalg.norm(white, axis=0)
+    _, sizes, right = np.linalg.svd(white / scale, full_matrices=False)
+    half = right.T / sizes / scale[:, None]
+    return np.asarray(half @ half.T)
+
+
+def with_outliers_rejected(problem: Problem, start: Array, used: Mask) -> Solution:
+    """Return the solution whose outliers are rejected. Raises ConvergenceError as `corrected`."""
+    found = corrected(problem, start, used, enough=ROUGH)
+    known: set[bytes] = set()
+    for _ in range(MOST_ROUNDS):
+        limit = max(REJECTED, WORST * float(found.chi2[found.used].max(initial=0.0)))
+        now = np.where(found.used, found.chi2 <= limit, found.chi2 < RECOVERED)
+        if np.array_equal(now, found.used) or now.tobytes() in known or now.sum() < 4:
+            break
+        known.add(now.tobytes())
+        found = corrected(problem, found.start, now, found, enough=ROUGH)
+    return corrected(problem, found.start, found.used, found)

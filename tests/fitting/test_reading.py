@@ -1,0 +1,235 @@
+"""Readers of the MPC's 80 columns and of ADES: what they read, and what they say of what they cannot read."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from astropy import units as u
+from astropy.time import Time
+from hypothesis import given
+from hypothesis import strategies as st
+
+from orbits.errors import InputError
+from orbits.fitting.designations import unpacked
+from orbits.fitting.observations import Observations
+
+from ..coverings import each
+
+DATA = Path(__file__).parent / "data"
+
+EROS = """\
+00433         A1893 10 29.4132  06 08 59.32 +53 39 04.2                 HA053802
+00433         S2011 10 23.34124006 53 03.495+46 43 06.69               X~7lwF275
+00433         s2011 10 23.3412401 + 4353.0030 -  481.6100 + 1382.3400   ~7lwF275
+00433         V2023 08 26.19193220 55 41.10 -08 18 29.6          15.1 VV~7811270
+00433         v2023 08 26.1919321 237.76096  +38.11385      0           ~7811270
+"""
+"""Real lines, as put together in a test of Smithsonian/layup."""
+
+APOPHIS = "99942K04M04N  C2004 03 15.10789 04 06 08.08 +16 55 04.6                om6394691"
+
+RADAR = """\
+04179         R1992 12 02.902778   4218031212  +    52351476   8510 253 JPLRS253
+04179         r1992 12 02.902778C         0650           052        253 JPLRS253
+"""
+"""Real lines, as put into the format by a test of ADES-Master."""
+
+PSV = """\
+# version=2022
+permID |trx |rcv |obsTime             |doppler   |delay      |rmsDoppler|rmsDelay|com|frq  |ref
+   4179|253 |253 |1992-12-02T21:40:00Z|+523514.76|42.18031212| 0.52     | 0.650  |  1|8510.|JPLRS
+"""
+
+CCD = """\
+permID|stn|obsTime|ra|dec|rmsRA|rmsDec|astCat|mode
+433|568|2023-07-06T00:17:43.77Z|273.13|-0.5|0.1|0.2|Gaia2|CCD
+"""
+
+
+def test_a_line_of_80_columns_is_read_to_its_last_digit():
+    (one,) = Observations.parse(APOPHIS).records
+    assert (one.line, one.kind, one.body, one.station) == (1, "optical", "99942", "691")
+    assert (one.jd, one.part) == (2453079.5, 0.10789)
+    assert one.ra == pytest.approx(15 * (4 + 6 / 60 + 8.08 / 3600), abs=1e-13)
+    assert one.dec == pytest.approx(16 + 55 / 60 + 4.6 / 3600, abs=1e-13)
+    assert (one.catalogue, one.mode, one.program) == ("USNOB1", "C", "")
+    assert np.isnan(one.mag)
+
+
+def test_records_of_two_lines_say_where_the_observer_was():
+    plate, space, roving = Observations.parse(EROS).records
+    assert plate.place is None
+    assert space.place is not None
+    x = np.array(space.place[:3]) * u.au.to(u.km)
+    assert (np.abs(x - [4353.003, -481.61, 1382.34]) < 1e-9).all()
+    assert not space.place.turns
+    assert roving.place is not None
+    assert roving.place.turns
+    # Longitude 237.76096 east, latitude 38.11385, at sea level.
+    assert np.linalg.norm(roving.place[:3]) * u.au.to(u.km) == pytest.approx(6370.0, abs=1.0)
+    assert np.rad2deg(np.arctan2(roving.place.y, roving.place.x)) % 360 == pytest.approx(237.76096, abs=1e-9)
+
+
+def test_radar_is_the_same_in_both_formats():
+    one, other = Observations.parse(RADAR), Observations.parse(PSV)
+    assert one.kind.tolist() == other.kind.tolist() == ["delay", "doppler"]
+    for a, b in zip(one.records, other.records, strict=True):
+        assert a.value == pytest.approx(b.value, rel=1e-14)
+        assert (a.frequency, a.transmitter, a.station) == (8510, "253", "253")
+        assert (b.frequency, b.transmitter, b.station) == (8510, "253", "253")
+        assert a.part == pytest.approx(b.part, abs=1e-6)
+    assert one.records[0].value == pytest.approx(42.18031212)
+    assert [x.sigma for x in one.records] == [pytest.approx(0.65e-6), pytest.approx(0.52)]
+
+
+def test_ades_as_psv_with_commas_and_as_xml_is_the_same():
+    psv = CCD
+    cells = dict(zip(*(line.split("|") for line in psv.splitlines()), strict=True))
+    xml = "<ades><optical>" + "".join(f"<{a}>{b}</{a}>" for a, b in cells.items()) + "</optical></ades>"
+    found = [Observations.parse(text).records[0]._replace(line=0) for text in (psv, psv.replace("|", ","), xml)]
+    assert repr(found[0]) == repr(found[1]) == repr(found[2])
+    assert (found[0].ra, found[0].dec, found[0].sigma_ra, found[0].sigma_dec) == (273.13, -0.5, 0.1, 0.2)
+
+
+@each(
+    ("line", "reason"),
+    [
+        (APOPHIS[:-1], "79 columns; expected 80"),
+        (APOPHIS.replace("2004 03", "2004 13"), "is no date"),
+        (APOPHIS.replace("2004 03", "2004-03"), "the date is"),
+        (APOPHIS.replace("04 06 08.08", "24 06 08.08"), "right ascension is '24 06 08.08', which is out of its range"),
+        (APOPHIS.replace("04 06 08.08", "04 60 08.08"), "out of its range"),
+        (APOPHIS.replace("+16 55", "+1655 "), "declination is"),
+        (APOPHIS.replace("+16 55", "*16 55"), "the sign of the declination is '*'"),
+        (APOPHIS.replace("C2004", "X2004"), "replaced by a later measurement"),
+        (APOPHIS.replace("C2004", "?2004"), "column 15 is '\\?'"),
+        (APOPHIS.replace("C2004", "S2004"), "its second line, with 's' in column 15, does not follow"),
+        (APOPHIS.replace("C2004", "s2004"), "a second line without the first one"),
+        (APOPHIS[:-3] + "???", "'\\?\\?\\?' is no code of an observatory"),
+        (APOPHIS[:-3] + "250", "250 Hubble Space Telescope has no place on the Earth, and the record gives none"),
+    ],
+)
+def test_each_line_that_is_not_used_is_told_with_its_number_and_the_reason(line, reason):
+    found = Observations.parse(f"{APOPHIS}\n\n{line}\n")
+    assert len(found) == 1
+    (ignored,) = found.ignored
+    assert (ignored.line, ignored.text) == (3, line)
+    assert re.search(reason, ignored.reason)
+
+
+@each(
+    ("text", "message"),
+    [
+        ("", "it is empty"),
+        ("nothing of it", "line 1: 13 columns; expected 80; expected the MPC's 80 columns"),
+        ("<ades><optical>", "line 1: no valid XML"),
+        ("<!DOCTYPE a [<!ENTITY b 'c'>]><ades/>", "line 1: has a document type"),
+        ("permID|obsTime\n433|yesterday", "line 2: obsTime is 'yesterday'"),
+    ],
+)
+def test_a_file_without_an_observation_is_refused_with_the_first_reason(text, message):
+    with pytest.raises(InputError, match=message):
+        Observations.parse(text)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot be read"):
+        Observations.read(tmp_path / "none.txt")
+
+
+@given(st.text(max_size=400) | st.binary(max_size=400).map(lambda x: x.decode("utf-8", errors="replace")))
+def test_no_text_breaks_the_readers(text):
+    for head in ("", "permID|obsTime|ra|dec|stn\n", "<ades><optical><permID>", APOPHIS + "\n"):
+        try:
+            found = Observations.parse(head + text)
+        except InputError:
+            continue
+        assert len(found) + len(found.ignored) > 0
+
+
+@given(st.integers(0, 79), st.characters(min_codepoint=32, max_codepoint=126), st.sampled_from(EROS.splitlines()))
+def test_one_wrong_character_is_read_or_told(place, character, line):
+    """Every line of a text is among the observations, those ignored, or is a second line of one that was read."""
+    changed = line[:place] + character + line[place + 1 :]
+    text = EROS.replace(line, changed)
+    found = Observations.parse(text)
+    seen = {one.line for one in found.records} | {one.line for one in found.ignored}
+    seconds = {one.line + 1 for one in found.records if one.mode in ("S", "V")}
+    assert seen | seconds == set(range(1, 6))
+
+
+@given(
+    st.floats(0.0, 360.0, exclude_max=True),
+    st.floats(-90.0, 90.0),
+    st.integers(2415020, 2470000),
+    st.integers(0, 99999),
+)
+def test_what_is_written_is_read(ra, dec, day, part):
+    hours, degrees = round(ra / 15 * 3600e3) % 86400000, round(abs(dec) * 3600e2)
+    date = Time(day + 0.5, format="jd", scale="tai").strftime("%Y %m %d")
+    h, m, s = hours // 3600000, hours // 60000 % 60, hours % 60000 / 1e3
+    d, mm, ss = degrees // 360000, degrees // 6000 % 60, degrees % 6000 / 1e2
+    place = f"{h:02d} {m:02d} {s:06.3f}{'-' if dec < 0 else '+'}{d:02d} {mm:02d} {ss:05.2f}"
+    (one,) = Observations.parse(f"99942         C{date}.{part:05d} {place}{'':15}V{'':5}568").records
+    assert (one.jd, one.part) == (day + 0.5, part / 1e5)
+    assert abs((one.ra - ra + 180) % 360 - 180) <= 0.51e-3 * 15 / 3600
+    assert abs(one.dec - dec) <= 0.51e-2 / 3600
+
+
+@each(
+    ("number", "provisional", "name"),
+    [
+        ("00433", "", "433"),
+        ("A0345", "", "100345"),
+        ("z9999", "", "619999"),
+        ("~0000", "", "620000"),
+        ("~000z", "", "620061"),
+        ("     ", "K04M04N", "2004 MN4"),
+        ("     ", "J98SA8Q", "1998 SQ108"),
+        ("     ", "K16P01f", "2016 P1-F"),
+        ("     ", "J95A010", "1995 A1"),
+        ("     ", "PLS2040", "2040 P-L"),
+        ("0001P", "", "1P"),
+    ],
+)
+def test_packed_names_are_unpacked(number, provisional, name):
+    """Examples of the MPC's page on packed designations."""
+    assert unpacked(number, provisional) == name
+
+
+def test_times_before_utc_are_those_of_the_earth():
+    text = APOPHIS.replace("2004 03 15.10789", "1938 11 28.00000")
+    (time,) = Observations.parse(text).time
+    assert (time - Time("1938-11-28", scale="tdb")).to_value(u.s) == pytest.approx(24.0, abs=0.5)  # Espenak: 24.0 s
+    (later,) = Observations.parse(APOPHIS).time
+    assert (later - Time("2004-03-15 02:35:21.696", scale="tdb")).to_value(u.s) == pytest.approx(64.184, abs=0.01)
+
+
+def test_uncertainties_are_those_of_veres_by_station_date_and_catalogue():
+    def sigma(*lines: str) -> list[float]:
+        return Observations.parse("\n".join(lines)).sigma[:, 0].to_value(u.arcsec).tolist()
+
+    assert sigma(APOPHIS) == [0.5]
+    assert sigma(APOPHIS.replace("2004", "2002")) == [0.6]
+    assert sigma(APOPHIS[:-9] + "V" + APOPHIS[-8:-3] + "568") == [0.1]
+    assert sigma(APOPHIS[:-9] + " " + APOPHIS[-8:-3] + "568") == [1.5]
+    assert sigma(APOPHIS.replace("C2004", " 2004")) == [2.5]
+    night = [APOPHIS.replace(".10789", f".1078{k}") for k in range(9)]
+    assert sigma(*night) == pytest.approx([0.5 * 1.5] * 9)
+    assert Observations.parse(CCD).sigma[0].to_value(u.arcsec).tolist() == [0.1, 0.2]
+
+
+def test_a_set_can_be_divided_and_joined():
+    found = Observations.read(DATA / "03666_tiny.txt")
+    assert (len(found), found.bodies, found.ignored) == (200, ("3666",), ())
+    again = found[:50] + found[np.arange(200) >= 50]
+    assert again.records == found.records
+    with pytest.raises(InputError, match="no observation of '433'; it has some of 3666"):
+        found.of("433")
+    table = found.to_table()
+    assert len(table) == 200
+    assert table["ra"].unit == u.deg
+    assert "200 optical of 3666, 11 stations, 1984-03-31 to 2001-06-16" in repr(found)

@@ -1,0 +1,73 @@
+"""What observers should see: beside `run.ephemeris`, and the bending of light at its limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from astropy.time import Time
+
+import orbits
+from orbits.fitting.arc import Arc
+from orbits.fitting.record import Place, Record
+from orbits.fitting.sight import ARCSECONDS, Sight
+from tests.fitting.skies import places, start
+
+MAS = 1e-3 / ARCSECONDS
+
+
+def test_directions_without_bending_are_those_of_an_ephemeris():
+    """`run.ephemeris` iterates light time on its own arcs and places the Earth by its own run."""
+    rows = places(10.0, 120)
+    records = tuple(Record(1, "optical", "433", jd, 0.0, station, ra=ra, dec=dec) for station, jd, ra, dec in rows)
+    times = Time([row[1] for row in rows], format="jd", scale="utc").tdb
+    sight = Sight(records, times, start().epoch)
+    sight.sun = sight.sun + 1e9  # so far away that it bends nothing
+    system, delay = start(), np.zeros(len(rows))
+    x = np.concatenate([system.values.q[-1], system.values.v[-1]])
+    for _ in range(4):
+        seen = sight.seen(*Arc(system, "433").states(x, sight.days - delay), delay)
+        delay = seen.delay
+    # Reached: 5e-7 mas.
+    assert np.abs(sight.residuals(seen)).max() < 2e-9
+
+
+def test_light_of_a_near_body_is_bent_less_than_that_of_stars():
+    """At 90 degrees from the Sun and 1 au from it, that of stars is bent by 4.07 mas away from the Sun."""
+    record = Record(1, "optical", "x", 2455000.5, 0.0, "500", place=Place(0.0, 0.0, 0.0, False), ra=0.0, dec=0.0)
+    time = Time([2455000.5], format="jd", scale="tdb")
+    sight = Sight((record,), time, time[0])
+    sight.here, sight.sun = np.zeros((1, 3)), np.array([[0.0, 1.0, 0.0]])
+    at_rest, no_delay = np.zeros((1, 3)), np.zeros(1)
+    shift = [
+        float(sight.seen(np.array([[distance, 0.0, 0.0]]), at_rest, no_delay).direction[0, 1]) / MAS
+        for distance in (1e-5, 1e7)
+    ]
+    # Against catalogued stars, an unbent direction is nearer to the Sun.
+    assert shift[0] == pytest.approx(4.07, abs=0.01)
+    assert abs(shift[1]) < 1e-3
+
+
+def test_derivatives_of_directions_are_differences():
+    rng = np.random.default_rng(1)
+    records = tuple(Record(1, "optical", "x", 2455000.5, 0.0, "500", ra=40.0 + k, dec=k - 10.0) for k in range(20))
+    time = Time(np.full(20, 2455000.5), format="jd", scale="tdb")
+    sight = Sight(records, time, time[0])
+    # As much as some degrees off the measured places, where an outlier may be.
+    q = sight.here + (1.5 + rng.random(20))[:, None] * (sight.measured + 0.05 * rng.standard_normal((20, 3)))
+    v, delay = 0.01 * rng.standard_normal((20, 3)), np.full(20, 0.01)
+    found = sight.derivatives(sight.seen(q, v, delay), np.repeat(np.eye(3)[None], 20, axis=0))
+    for k in range(3):
+        step = 1e-6 * np.eye(3)[k]
+        # Residuals are observed less computed.
+        before, after = (sight.residuals(sight.seen(q + sign * step, v, delay)) for sign in (-1, 1))
+        change = (before - after) / 2e-6
+        # Reached: 1e-7, as the bending is held.
+        assert np.abs(found[:, :, k] - change).max() < 1e-6 * np.abs(found).max()
+
+
+def test_an_arc_covers_both_sides_of_its_epoch():
+    arc = Arc(orbits.System.in_ephemeris(epoch="2010-06-01").add("x", primary="Sun", a=1.5, e=0.1), "x")
+    x = np.concatenate([arc.system.values.q[-1], arc.system.values.v[-1]])
+    q, v = arc.states(x, np.array([-1e-3, 0.0, 1e-3]))
+    assert (q[1] == x[:3]).all()
+    assert np.abs((q[2] - q[0]) / 2e-3 - v[1]).max() < 1e-9
