@@ -27,7 +27,7 @@ from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.loop import Run, marching, to_its_end
 from orbits.propagation.making_runs import RunOptions, begun, resumed
 from orbits.propagation.marchers import provenance
-from orbits.propagation.side_by_side import march_in_threads
+from orbits.propagation.systems import march_in_threads
 from orbits.propagation.variations.megno import megno
 from orbits.system import System
 from orbits.time_grid import TimeGrid
@@ -277,7 +277,7 @@ def _marched(
     look()
     steps = {k: marching(run, stop, bars[k]) for k, run in ready.items()}
     if ready:
-        failures |= march_in_threads(steps, stop, look, 1)
+        march_in_threads(steps, stop, look, 1, failures)
     stopped: Interrupted | None = None
     for k in [k for k in steps if k not in failures]:
         if stop.name and getgeneratorstate(steps[k]) == GEN_CREATED:

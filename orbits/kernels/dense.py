@@ -199,10 +199,10 @@ def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, row
 
 
 @kernel
-def times_reached(lengths, times):
+def times_reached(lengths, lows, times):
     """Write the times after steps of these lengths, (steps + 1, 2), each as the sum of two numbers; the first one is
-    given.
+    given. lows : (steps,), the low parts of the lengths
     """
     for k in range(len(lengths)):
         time, lost = two_sum(times[k, 0], lengths[k])
-        times[k + 1, 0], times[k + 1, 1] = two_sum(time, lost + times[k, 1])
+        times[k + 1, 0], times[k + 1, 1] = two_sum(time, lost + (lows[k] + times[k, 1]))

@@ -1,4 +1,4 @@
-"""Threads that take part in the work on a block, if they come in time: nobody waits for one that has not come.
+"""Threads that share the work on a block: those that come in time take part, and none waits for one that has not come.
 
 The thread that has a block opens a round and claims its pieces one after another; the other threads claim pieces as
 well, as long as there are some. Then the round is closed, once those within have finished theirs. Between rounds they

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError, OrbitsError
+from orbits.plotting.between_samples import Orbit, cubic, nodes, turn
 
 if TYPE_CHECKING:
     from orbits.protocols import Run, State
@@ -37,15 +38,11 @@ HEAVY = 0.01
 MOST_CENTRAL = 8
 """The most bodies whose centre of mass is a centre of two-body motion."""
 ELLIPSE_POINTS = 721
-ARC_POINTS = 721
-"""The most points from one sample to the next."""
-MOST_POINTS = 400_000
-"""The most points of all arcs of a body."""
-
 BETWEEN = 0.25
 """The time between states that are added, in units of the dynamical time: 25 in a revolution on a circle, `SMOOTH`."""
-MOST_BETWEEN, MOST_NUMBERS = 8_000, 2**21
-"""The most states that are added, in 300 revolutions or some seconds, and the most of all bodies together."""
+MOST_BETWEEN, MOST_NUMBERS, AT_END = 8_000, 2**21, 1_000
+"""The most states that are added, in 300 revolutions or some seconds, the most of all bodies together; and those at the
+end of a longer run, in its last 40 revolutions."""
 
 _GAP = np.full((1, 3), np.nan)
 
@@ -61,27 +58,6 @@ class Path(NamedTuple):
     curve: Array
     loose: NDArray[np.bool_]
     wound: bool
-
-
-class Orbit(NamedTuple):
-    """Relative motion about a centre: q and v (..., 3), and the total GM of both."""
-
-    q: Array
-    v: Array
-    gm: float
-
-    @property
-    def binding(self) -> Array:
-        """GM/a, > 0 for ellipses, (...)."""
-        r = np.linalg.norm(self.q, axis=-1)
-        return np.asarray(2.0 * self.gm / r - (self.v**2).sum(axis=-1))
-
-    @property
-    def period(self) -> Array:
-        """The period of ellipses, inf for other orbits, (...)."""
-        binding = np.maximum(self.binding, 0.0)
-        with np.errstate(divide="ignore"):
-            return np.asarray(2.0 * np.pi * self.gm / binding**1.5)
 
 
 def centre_of(system: State, members: Bodies) -> Bodies:
@@ -169,9 +145,9 @@ def joined(run: Run, i: int, samples: Samples | None = None) -> Path:
     wound = np.zeros(count - 1, dtype=bool)
     if orbit and is_nearly_two_body(samples.end, (i,), centre):
         wound = np.abs(steps) >= np.minimum(orbit.period[:-1], orbit.period[1:])
-    turn = np.where(wound, np.inf, _turn(q, samples.v(i), run.times))
-    straight = turn < STRAIGHT
-    smooth = np.flatnonzero(~straight & (turn < SMOOTH))
+    turned = np.where(wound, np.inf, turn(q, samples.v(i), run.times))
+    straight = turned < STRAIGHT
+    smooth = np.flatnonzero(~straight & (turned < SMOOTH))
     arcs = dict(zip(smooth.tolist(), samples.cubics((i,), smooth), strict=True))
     there = np.asarray(np.isfinite(q).all(axis=1))  # retired particles are NaN
     curved = np.flatnonzero(~straight & ~wound & there[:-1] & there[1:])
@@ -195,9 +171,11 @@ def joined(run: Run, i: int, samples: Samples | None = None) -> Path:
 
 
 def followed(run: Run, bodies: Sequence[int]) -> tuple[Samples, dict[int, Path]]:
-    """Return the samples of a run and the paths of some bodies. Where samples are more than a revolution apart, or too
-    far apart for a line where the motion is not Keplerian, the paths go through states between them, which the steps of
-    the run are taken again for, unless it is too long for that or they cannot be.
+    """Return the samples of a run and the paths of some bodies.
+
+    Where samples are more than a revolution apart, or too far apart for a line where the motion is not Keplerian, the
+    paths go through states between them, for which the steps of the run are taken again, if they can be: of a long run
+    those of its end.
     """
     samples = Samples(run)
     paths = {i: joined(run, i, samples) for i in bodies}
@@ -205,18 +183,28 @@ def followed(run: Run, bodies: Sequence[int]) -> tuple[Samples, dict[int, Path]]
         return samples, paths
     gaps = np.abs(np.diff(run.times))
     between = gaps / (BETWEEN * min(_fastest(run, bodies), float(gaps.max())))
-    if not between.sum() < min(MOST_BETWEEN, MOST_NUMBERS / len(run.names)):
-        return samples, paths
-    parts = [
-        np.linspace(begin, end, max(2, math.ceil(count) + 1))[:-1]
-        for begin, end, count in zip(run.times[:-1], run.times[1:], between.tolist(), strict=True)
-    ]
+    most = min(MOST_BETWEEN, MOST_NUMBERS / len(run.names))
+    times = _with_more(run.times, between, most if between.sum() < most else min(AT_END, most))
     try:
-        finer: Run = run.at([*np.concatenate(parts), run.times[-1]])
+        finer: Run = run.at(times)
     except OrbitsError:
         return samples, paths
     samples = Samples(finer)
     return samples, {i: joined(finer, i, samples) for i in bodies}
+
+
+def _with_more(times: Array, between: Array, most: float) -> Array:
+    """Return the times of samples with others between them, at most about `most`, as far back from the end.
+
+    between : (n - 1,), how many are wanted from each sample to the next
+    """
+    parts, left = [times[-1:]], most
+    for begin, end, count in zip(times[-2::-1].tolist(), times[:0:-1].tolist(), between[::-1].tolist(), strict=True):
+        share = min(1.0, left / count) if count > 0.0 else 1.0
+        more = np.linspace(end - share * (end - begin), end, max(2, math.ceil(share * count) + 1))[:-1]
+        parts.append(more if share == 1.0 else np.append(begin, more if share > 0.0 else []))
+        left = max(left - count, 0.0)
+    return np.concatenate(parts[::-1])
 
 
 def _fastest(run: Run, bodies: Sequence[int]) -> float:
@@ -286,19 +274,19 @@ class Samples:
 
     def arcs(self, members: Bodies, orbit: Orbit, k: NDArray[np.intp]) -> tuple[Array, NDArray[np.bool_]]:
         """Return points (len(k), n, 3) from each sample k to the next, and which of these arcs are reliable."""
-        times = _nodes(orbit, self.run.times, k)
+        times = nodes(orbit, self.run.times, k)
         return self._between(members, k, times)
 
     def cubics(self, members: Bodies, k: NDArray[np.intp]) -> Array:
         """Return points (len(k), 17, 3) of the cubics from each sample k to the next."""
         length = np.diff(self.run.times)[k][:, None]
-        return _cubic(*self._middle(members), k, length * np.linspace(0.0, 1.0, 17), length)
+        return cubic(*self._middle(members), k, length * np.linspace(0.0, 1.0, 17), length)
 
     def _between(self, members: Bodies, k: NDArray[np.intp], times: Array) -> tuple[Array, NDArray[np.bool_]]:
         centre = centre_of(self.end, members)
         length = np.diff(self.run.times)[k][:, None]
         if not centre:
-            return _cubic(*self._middle(members), k, times, length), np.ones(len(k), dtype=bool)
+            return cubic(*self._middle(members), k, times, length), np.ones(len(k), dtype=bool)
         orbit = self.orbit(members, centre)
         forward, _ = kepler_flow(orbit.q[k][:, None], orbit.v[k][:, None], orbit.gm, times)
         backward, _ = kepler_flow(orbit.q[k + 1][:, None], orbit.v[k + 1][:, None], orbit.gm, times - length)
@@ -324,65 +312,6 @@ class Samples:
         path = self.run[self.run.names[i]]
         self._known[i] = (path.q.value, path.v.value)
         return self._known[i]
-
-
-def _nodes(orbit: Orbit, times: Array, k: NDArray[np.intp]) -> Array:
-    """Return times since the samples k, (len(k), n), equally spaced in eccentric anomaly."""
-    step = np.diff(times)[k]
-    start, e = _anomaly(orbit, k)
-    end, _ = _anomaly(orbit, k + 1)
-    bound = (orbit.binding[k] > 0.0) & (orbit.binding[k + 1] > 0.0)
-    mean_motion = np.abs(orbit.binding[k]) ** 1.5 / orbit.gm
-    with np.errstate(over="ignore", invalid="ignore"):
-        turns = np.where(bound, np.round((mean_motion * step - (end - start)) / (2 * np.pi)), 0.0)
-        sweep = end + 2 * np.pi * turns - start
-        finest = np.radians(0.5) * np.sqrt(np.clip(np.abs(1.0 - e * e), 0.02, 1.0))
-        wanted = float(np.nanmax(np.abs(sweep) / finest, initial=16.0))
-        count = int(np.clip(min(wanted, MOST_POINTS / len(k)), 16, ARC_POINTS - 1))
-        even = np.linspace(0.0, 1.0, count + 1)
-        anomaly = start[:, None] + sweep[:, None] * even
-        e = e[:, None]
-        mean = np.where(bound[:, None], anomaly - e * np.sin(anomaly), e * np.sinh(anomaly) - anomaly)
-        done = (mean - mean[:, :1]) / (mean[:, -1:] - mean[:, :1])
-    spread = np.isfinite(done).all(axis=1) & (np.diff(done, axis=1) >= 0.0).all(axis=1)
-    return np.asarray(np.where(spread[:, None], done, even) * step[:, None])
-
-
-def _anomaly(orbit: Orbit, k: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Return the eccentric anomaly, hyperbolic for hyperbolas, and the eccentricity."""
-    q, v, binding = orbit.q[k], orbit.v[k], orbit.binding[k]
-    rv = (q * v).sum(axis=-1)
-    root = rv * np.sqrt(np.abs(binding)) / orbit.gm  # e sin E, e sinh F
-    cosine = 1.0 - np.linalg.norm(q, axis=-1) * binding / orbit.gm  # e cos E, e cosh F
-    e = np.sqrt(np.abs(cosine**2 + np.where(binding > 0.0, 1.0, -1.0) * root**2))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(binding > 0.0, np.arctan2(root, cosine), np.arcsinh(root / e)), e
-
-
-def _cubic(q: Array, v: Array, k: NDArray[np.intp], times: Array, length: Array) -> Array:
-    """Return the cubic with the positions and velocities of samples k and k + 1 at its ends."""
-    s = (times / length)[..., None]
-    h = length[..., None]
-    q0, q1, v0, v1 = q[k][:, None], q[k + 1][:, None], v[k][:, None], v[k + 1][:, None]
-    rest = s * s * (3.0 - 2.0 * s)
-    return np.asarray(q0 + rest * (q1 - q0) + s * (1 - s) ** 2 * h * v0 - s * s * (1 - s) * h * v1)
-
-
-def _turn(q: Array, v: Array, times: Array) -> Array:
-    """Return the angle by which the motion turns from each sample to the next, radians, (n - 1,); inf for whole orbits.
-
-    It is the larger of the angles between the velocities at both ends and the line between them.
-    """
-    step = np.diff(times)[:, None]
-    way, start, end = np.diff(q, axis=0), v[:-1] * step, v[1:] * step
-    turn = np.maximum(_angle(way, start), _angle(way, end))
-    went = (np.linalg.norm(start, axis=1) + np.linalg.norm(end, axis=1)) / 2.0
-    there = np.linalg.norm(way, axis=1)
-    return np.asarray(np.where(np.abs(there - went) <= 0.15 * went, turn, np.inf))
-
-
-def _angle(x: Array, y: Array) -> Array:
-    return np.asarray(np.arctan2(np.linalg.norm(np.cross(x, y), axis=1), (x * y).sum(axis=1)))
 
 
 def _weights(gm: Array, members: Bodies) -> Array:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, wait
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
@@ -19,16 +20,20 @@ from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, shown
 from orbits.finding import SHOWN, Finding, kind_of
 from orbits.marching.legs.leg import available_threads
+from orbits.marching.stepping.pool import Pool
 from orbits.propagation.control.heartbeat import Pulse
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.loop import Marching, Run, marching, to_its_end
-from orbits.propagation.side_by_side import march_in_threads
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Trajectory
 
 T = TypeVar("T")
+
+PAUSE = 0.1
+"""Seconds between two looks at what the threads have reached."""
+
 
 def systems_of(given: object) -> list[System]:
     """Return a list of systems of equal shape. Raises InputError for anything else, naming those that differ."""
@@ -285,10 +290,11 @@ def march_each(
             }
             try:
                 if not in_turn:
-                    failures |= march_in_threads(begun, stop, bars.show, threads)
+                    march_in_threads(begun, stop, bars.show, threads, failures)
                 for k, steps in begun.items():
                     if k not in failures:
-                        _finish(k, steps, done, failures, found)
+                        with found.of(k), _noted(k, failures):
+                            done[k] = to_its_end(steps)
                         bars.show()
             finally:
                 bars.close()
@@ -308,19 +314,52 @@ def march_each(
     return [run for run in done if run is not None]
 
 
-def _finish(
-    k: int, steps: Marching, done: list[Trajectory | None], failures: dict[int, BaseException], found: _Warnings
+def march_in_threads(
+    begun: Mapping[int, Marching],
+    stop: StopRequest,
+    show: Callable[[], None],
+    threads: int | None,
+    failures: dict[int, BaseException],
 ) -> None:
-    """Go on with a run to its end; note its result or its error."""
-    with found.of(k):
-        try:
-            done[k] = to_its_end(steps)
-        except KeyboardInterrupt as error:
-            if not isinstance(error, Interrupted):
-                raise
-            failures[k] = error
-        except Exception as error:
-            failures[k] = error
+    """March runs up to the point at which warnings are given; note the errors of those that fail.
+
+    begun : what `marching` returned for each, by their numbers; stop : ends them; show : called again and again
+    """
+    pool = Pool(min(available_threads() if threads is None else threads, len(begun)))
+
+    def task(k: int) -> None:
+        with _noted(k, failures):
+            while not stop.name and next(begun[k]) is not None:  # the rest of a run that is stopped is not for a thread
+                pass
+
+    running: set[Future[None]] = set()
+    try:
+        for k in begun:
+            running.add(pool.submit(task, k))
+        while running:
+            ended, running = wait(running, PAUSE)
+            for future in ended:
+                future.result()
+            show()
+    except BaseException:
+        stop.name = stop.name or "an interrupt"
+        wait(running)
+        raise
+    finally:
+        pool.shutdown()
+
+
+@contextmanager
+def _noted(k: int, failures: dict[int, BaseException]) -> Iterator[None]:
+    """A context that notes the error of a run, unless it is an interrupt of Python's own."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if not isinstance(error, Interrupted):
+            raise
+        failures[k] = error
+    except Exception as error:
+        failures[k] = error
 
 
 def _error(

@@ -131,8 +131,8 @@ class MarchedAgain:
         """Return the closest approaches of bodies between the start and the last step.
 
         They include all flybys within the reach of a body, each with the error it causes at the end of the run.
-        The distance of a body far out from a star whose inner planets make it swing is known to the amplitude of this
-        swing: one looks as often as the body itself moves.
+        The search samples the motion of each body on its own time scale: where inner planets make a star swing, the
+        distance of a body far out is known to the amplitude of this swing.
         Raises InputError for a run that did not look for them (see `approaches` of `propagate`), and for a trajectory
         that was not made by `propagate` or `resume`.
         """

@@ -164,9 +164,10 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
 
     @property
     def span(self) -> tuple[float, float]:
-        """The times from and up to which `run.at` answers, since the epoch, in the unit of time: of the start of the
-        run and of its end, which may lie behind its last sample; of samples alone, as those of run[10:20], the first
-        and the last, and 0 without any.
+        """The first and the last time at which `run.at` answers, since the epoch, in the unit of time.
+
+        These are the start and the end of the run, which may lie beyond its samples; of samples alone, run[10:20], the
+        times of the first and the last one, or zeros without any.
         """
         if self._span is not None:
             return self._span
@@ -220,8 +221,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         Afterwards their q and v are NaN, and they are absent from `run[k]`.
         """
         if self._retired is None:
-            known = self.archive is not None and self._again is not None
-            self._retired = self._again.retired(self) if known and self._again is not None else RetiredParticles()
+            again = None if self.archive is None else self._again
+            self._retired = RetiredParticles() if again is None else again.retired(self)
         return self._retired
 
     @property
@@ -233,9 +234,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
 
     @property
     def excursions(self) -> Excursions:
-        """When all bodies left a Wisdom–Holman map for encounters of massive ones, and when they returned to it; empty
-        unless the method follows planets there.
-        """
+        """When all bodies left a Wisdom–Holman map that follows planets in encounters, and when they returned to it."""
         if self._excursions is None:
             self._excursions = Excursions.in_archive(self)
         return self._excursions
@@ -374,16 +373,16 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         if self._place is None:
             return super().__reduce__()
         known: dict[str, Any] = {"_stopped": self.stopped, "_span": self._span, "_record": self._record}
-        known |= {"_again": self._again, "_retired": self.retired, "_events": self.events}
-        known |= {"_excursions": self.excursions}
+        known |= {"_again": self._again, "_retired": self.retired}
+        known |= {"_events": self.events, "_excursions": self.excursions}
         own = type(self), self._place, len(self), self.statistics, identity_of(self, len(self))
         return reopened, own, known
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out the open file; the samples themselves are copied if it has no path."""
-        known: dict[str, Any] = {"_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
-        known |= {"_accounts": self._own_accounts()}
-        return {**vars(self), **known, "archive": None, "_close": None}
+        known: dict[str, Any] = {"_retired": self.retired, "_accounts": self._own_accounts()}
+        known |= {"_events": self.events, "_excursions": self.excursions, "archive": None, "_close": None}
+        return vars(self) | known
 
     def _repr_html_(self) -> str:
         return as_table(self)

@@ -213,5 +213,10 @@ def test_a_pericentre_that_is_not_resolved_is_warned_of_after_the_run_too():
     assert "plunger passes Sun at 0.11" in str(seen[-1].message)
     assert "of 1 massless particle had fewer; the rest of the run" in str(seen[-1].message)
     assert {passage.body for passage in run.unresolved()} == {"plunger"}
+    enough = float(str(seen[-1].message).split("All others are right. dt <= ")[1].split()[0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # the step that is named is one of which nothing is said
+        alone = excited().remove("crosser")
+        orbits.propagate(alone, DEFAULT, dt=enough * u.day, duration=10 * u.yr, samples=2, progress=False)
     with pytest.raises(InputError, match="expected 'warn', 'follow', 'follow particles'"):
         orbits.WisdomHolman(encounters="ignore")

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 import orbits
 from orbits.elements.kepler_flow import kepler_flow
-from orbits.plotting import arcs, osculating_ellipse, pictures
+from orbits.plotting import arcs, between_samples, osculating_ellipse, pictures
 from tests.plotting.runs import about_a_star
 
 PERIOD = 2 * np.pi
@@ -66,7 +66,7 @@ def test_the_arc_is_where_the_body_is_at_each_of_its_times():
     run = about_a_star({"planet": CONICS["comet"]}, np.linspace(0.0, 6.0, 4))
     samples = arcs.Samples(run)
     orbit, k = samples.orbit((1,), (0,)), np.arange(3)
-    times = arcs._nodes(orbit, run.times, k)
+    times = between_samples.nodes(orbit, run.times, k)
     points, good = samples.arcs((1,), orbit, k)
     true, _ = kepler_flow(run.q[0, 1].value, run.v[0, 1].value, 1.0, (run.times[k][:, None] + times).ravel())
     assert good.all()
@@ -82,6 +82,25 @@ def test_samples_more_than_a_period_apart_stay_dots_and_the_ellipse_stands_for_t
     drawn = osculating_ellipse(run[-1], "planet")
     assert len(drawn) >= 360
     assert off_the_orbit(run.system, 1, drawn).max() < 1e-12  # 3e-15 is reached
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("count", [401, 3])  # samples every 2.5 revolutions, and every 500
+def test_the_end_of_a_long_run_is_drawn_through_the_steps_and_samples_before_are_dots(count, direction):
+    times = direction * np.linspace(0.0, 1000.3 * PERIOD, count)
+    bodies = {"star": {"gm": 1.0}, "planet": CONICS["ellipse"]}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    run = orbits.propagate(system, duration=times[-1], samples=times)
+    samples, paths = arcs.followed(run, [1])
+    loose = samples.run.times[paths[1].loose]
+    drawn = np.abs(samples.run.times[~paths[1].loose])
+    assert abs(loose[0]) == 0.0
+    assert np.isin(loose, run.times).all()
+    assert drawn.max() == abs(times[-1])
+    # A thousand states, each a quarter of the dynamical time at the pericentre from the next.
+    assert 9.0 * PERIOD < np.ptp(drawn) < 41.0 * PERIOD
+    assert off_the_orbit(system, 1, paths[1].curve).max() < arcs.AGREEMENT
+    assert turns(paths[1].curve).max() < 0.4
 
 
 def test_slow_strobing_is_not_taken_for_a_slow_path():

@@ -106,3 +106,38 @@ def test_samples_end_with_the_event_that_ends_the_run():
     assert 100 < len(together) == len(one_by_one)
     assert np.array_equal(together.q, one_by_one.q)
     assert together.times[-1] < together.stopped.time.value
+
+
+WITH_CARRIES = {
+    "a map": ({}, "wisdom-holman", 5 * u.day),
+    "a force": ({"forces": [orbits.terms.Drag(rate=1e-4 / u.yr)]}, GAUSS, 5 * u.day),
+    "a force, chosen steps": ({"forces": [orbits.terms.Drag(rate=1e-4 / u.yr)]}, GAUSS, None),
+    "transformed time": ({}, GAUSS, orbits.TimeTransformed(0.2)),
+}
+"""What acts, the method and the steps: each has more in its carry than a guess, or marches other variables."""
+
+
+def blocks_of(monkeypatch, run):
+    counted = []
+    block = BlockLoop.one_block
+    with monkeypatch.context() as patched:
+        patched.setattr(BlockLoop, "one_block", lambda self, *given: counted.append(1) or block(self, *given))
+        return run(), len(counted)
+
+
+@pytest.mark.parametrize("what", WITH_CARRIES)
+def test_samples_of_what_is_in_carries_are_those_one_by_one_and_end_no_block(what, monkeypatch):
+    acts, method, dt = WITH_CARRIES[what]
+    system = planets().replaced(**acts)
+
+    def run(callback=None):
+        how = {"dt": dt, "duration": 302.5 * u.day, "samples": 700, "check_step": False}
+        return orbits.propagate(system, method, callback=callback, **how)
+
+    together, blocks = blocks_of(monkeypatch, run)
+    one_by_one, many = blocks_of(monkeypatch, lambda: run(lambda t, state: None))
+    assert np.array_equal(together.q, one_by_one.q)
+    assert np.array_equal(together.v, one_by_one.v)
+    assert np.array_equal(together._accounts, one_by_one._accounts)
+    assert (together._accounts[-1] != 0.0).any() == bool(acts)
+    assert blocks <= 4 < many

@@ -18,8 +18,15 @@ from llvmlite.binding import Linkage, parse_assembly
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler import Compiler
 
+from orbits.kernels.compile.operator_types import remembering
+
 ENVIRONMENT = "_ZN08NumbaEnv"
 """Prefix of the names of the variables by which Numba finds the constants of a function."""
+
+
+UNNEEDED = ("WithLifting", "InlineClosureLikes", "InlineOverloads", "NopythonRewrites")
+"""Passes of Numba for what no kernel has: object mode, closures, code inlined before it is typed, and arithmetic with
+whole arrays."""
 
 
 class KernelLibrary(JITCodeLibrary):
@@ -43,6 +50,9 @@ class CalleeLibrary(KernelLibrary):
 
     Kernels that call each other recursively are called by address, and have machine code.
     """
+
+    def _optimize_final_module(self) -> None:
+        """Leave the optimization to the kernel at the top: each caller in between would begin it again."""
 
     def _finalize_final_module(self) -> None:
         """Keep the module for callers; machine code is made only of the variables by which Numba finds its
@@ -71,12 +81,19 @@ class KernelCompiler(Compiler):
 
     library: type[KernelLibrary] = KernelLibrary
 
+    def __init__(self, typingctx: Any, *rest: Any) -> None:
+        super().__init__(remembering(typingctx), *rest)
+
     def define_pipelines(self) -> Any:
-        """Return Numba's passes. They make one of Numba's own libraries only if there is none."""
+        """Return Numba's passes that kernels need. They make one of Numba's own libraries only if there is none."""
         if self.state.library is None:
             self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
             self.state.library.enable_object_caching()
-        return super().define_pipelines()
+        pipelines = super().define_pipelines()
+        for passes in pipelines:
+            passes.passes = [x for x in passes.passes if x[0].__name__ not in UNNEEDED]
+            passes.finalize()
+        return pipelines
 
 
 class CalleeCompiler(KernelCompiler):

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 import dis
-import glob
 import hashlib
 import inspect
 import os
@@ -134,9 +133,9 @@ class CheckedFiles(caching.IndexDataCacheFile):
 
     def _remove_all_but(self, names: set[str]) -> None:
         """Remove data files that are not in the index: those of earlier sources."""
-        for path in self._folder.glob(f"{glob.escape(self._base)}.*.nbc"):
-            if path.name not in names:
-                path.unlink(missing_ok=True)
+        for name in os.listdir(self._folder):  # many times as fast as a pattern
+            if name.startswith(f"{self._base}.") and name.endswith(".nbc") and name not in names:
+                (self._folder / name).unlink(missing_ok=True)
 
 
 def _damaged(path: Path) -> str:

@@ -1,10 +1,11 @@
-"""The result of `@kernel`: Numba's dispatcher with five differences.
+"""The result of `@kernel`: Numba's dispatcher with six differences.
 
 * For compiled callers it compiles without the wrapper for calls from Python: that wrapper takes a fifth of the compile
   time, and most kernels are never called from Python. Those that are get a separate entry point.
 * It compiles without Numba's runtime (`_nrt`): no reference counts, no allocation.
 * Compiled code calls nothing outside its own library, so that the same input gives the same bits, in whatever order
   code was compiled or loaded (see `code_library.py`).
+* For callers that pass whole numbers by value, 0 or n, it is compiled once, not for each of them.
 * Of several processes that need the same code, one compiles it (see `entry_locks.py`).
 * If a kernel allocates, the error message says where.
 
@@ -24,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from numba import types
-from numba.core import sigutils
+from numba.core import entrypoints, sigutils
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
 from numba.core.event import trigger_event
@@ -91,6 +92,19 @@ class Compiled(CPUDispatcher):
                     found = self._loaded(signature) or self._made(signature, args, result)
             return found.entry_point
 
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what types a call, with whole numbers that are written at the call as any others: no version is
+        compiled for each. Kernels that need their values, to take elements of tuples, get them.
+        """
+        plain = tuple(types.unliteral(x) if isinstance(x, types.IntegerLiteral) else x for x in args)
+        if plain != tuple(args):
+            with contextlib.suppress(NumbaError):
+                return super().get_call_template(plain, kws)
+        return super().get_call_template(args, kws)
+
+    def _compilation_chain_init_hook(self) -> None:
+        """Leave Numba's extensions alone: what is in the cache is used without them."""
+
     def _loaded(self, signature: Any) -> Any:
         """Return the code for a signature from the cache, or None."""
         found = self._cache.load_overload(signature, self.targetctx)
@@ -103,6 +117,7 @@ class Compiled(CPUDispatcher):
     def _made(self, signature: Any, args: Any, result: Any) -> Any:
         """Compile for a signature, and keep the code in the cache."""
         self._cache_misses[signature] += 1
+        entrypoints.init_all()
         try:
             with trigger_event("numba:compile", data={"dispatcher": self, "args": args, "return_type": result}):
                 made = self._compiler.compile(args, result)

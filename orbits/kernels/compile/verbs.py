@@ -18,11 +18,12 @@ from numba import types
 from numba.core.extending import _Intrinsic
 from numba.core.typing.templates import _OverloadFunctionTemplate, infer, infer_global, make_overload_template
 
+from orbits.kernels.compile.code_library import CalleeCompiler
 from orbits.kernels.compile.dispatcher import Kernel
 
 Choice = TypeVar("Choice", bound=Callable[..., Any])
 
-INLINED: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False}
+INLINED: Any = {"forceinline": True, "error_model": "numpy", "_nrt": False, "pipeline_class": CalleeCompiler}
 """Options for functions that only lead to a kernel: they are inlined into their caller. As separate functions they
 would pass registers through memory.
 """
@@ -45,7 +46,7 @@ def verb(choose: Choice, options: Any = INLINED) -> Choice:
     def called(*_: Any, **__: Any) -> Any:
         raise NotImplementedError(f"{called.__name__}() is for compiled code only")
 
-    options = {"no_cpython_wrapper": True, "nopython": True, **options}
+    options = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "nopython": True, **options}
     usual = make_overload_template(called, choose, options, True, "never")
     template = type(f"Verb_{choose.__name__}", (_Template,), dict(vars(usual)))
     infer(template)

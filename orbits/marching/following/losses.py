@@ -1,5 +1,4 @@
-"""Massless particles that are lost though they can be stepped: those that hit a body, fall close to the dominant one or
-are ejected.
+"""Massless particles that are removed although they can be stepped: by impact, a small pericentre or ejection.
 
 An impact is seen where a particle that takes steps of its own passes a body within its radius, or is still falling
 within it when a block ends: so it is seen in the block in which it happens. The step of contact is then sought in the

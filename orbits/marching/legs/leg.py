@@ -248,7 +248,7 @@ class Leg(MarchOfSameBodies):
         self.stepper.evaluations, self.stepper.particle_evaluations = counts
         self.listing.passages.restore(checkpoint)
         self.losses.retired.restore(checkpoint.get("retired"), self.step)
-        if seen and self.stepper.form.transforms:
+        if seen:
             self.stepper.loops.enter(self.stepper.state, self.clock, self.losses.retired.block)
 
     def compile(self) -> None:

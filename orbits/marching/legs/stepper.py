@@ -49,9 +49,8 @@ class Stepper:
         self.loops.begin(q, v, problem.bodies, problem.particles)
         self.state: State = self.loops.state
         self.form.set_inner(self.state, np.concatenate([_NOTHING, *(force.inner for force in problem.forces)]))
-        if self.form.transforms:
-            self.form.check_start(problem.parameters, q[problem.bodies], v[problem.bodies])
-            self.loops.enter(self.state, problem.clock)
+        self.form.check_start(problem.parameters, q[problem.bodies], v[problem.bodies])
+        self.loops.enter(self.state, problem.clock)
         alone = n == 1 and bool(m or problem.forces)
         self.state |= problem.clock.array(problem.integrator, alone=alone, given=problem.has_given)
         times.bind(self.state, self.loops.times, self.loops.steps)
@@ -150,10 +149,9 @@ class Stepper:
         """Return a copy of the state as it is seen, for a step of another clock: the carry belongs to steps of h."""
         copy = {name: array.copy() for name, array in self.as_seen(retired).items() if name != "approaches"}
         self.form.forget(copy["memory"])
-        if self.form.transforms:
-            self.loops.enter(copy, clock, retired)
-        elif not self.form.keeps_particles:
+        if not (self.form.transforms or self.form.keeps_particles):
             copy["particle_memory"][:] = 0.0
+        self.loops.enter(copy, clock, retired)
         return copy
 
     def gather(self, state: Mapping[str, Array], gone: NDArray[np.bool_]) -> tuple[Array, Array]:

@@ -35,8 +35,7 @@ def state_at(leg: Leg, place: Place) -> States:
             raise failure
     finally:
         stepper.evaluations, stepper.particle_evaluations = counts
-    if stepper.form.transforms:
-        stepper.loops.leave(copy, clock, retired.block)
+    stepper.loops.leave(copy, clock, retired.block)
     leg.shown = [copy]
     return stepper.gather(copy, retired.gone())
 

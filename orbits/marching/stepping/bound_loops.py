@@ -180,12 +180,13 @@ class BoundLoops:
         return status, done, body, evaluations
 
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
-        """Compute what is marched with this clock from what is seen, for a form that `transforms`.
+        """Compute what is marched with this clock from what is seen; nothing for a form that marches this.
 
         retired : see `Retired.block`; these particles are left alone
         """
-        driver.enter_march(*self._transformation(state, clock))
-        self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
+        if self._form.transforms:
+            driver.enter_march(*self._transformation(state, clock))
+            self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
 
     def leave(
         self,
@@ -198,8 +199,9 @@ class BoundLoops:
 
         particles : those of which it is wanted; all by default
         """
-        self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
-        driver.leave_march(*self._transformation(state, clock))
+        if self._form.transforms:
+            self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
+            driver.leave_march(*self._transformation(state, clock))
 
     def _transform_particles(
         self,

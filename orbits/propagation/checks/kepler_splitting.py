@@ -237,6 +237,8 @@ def not_followed(run: Trajectory, seen: Seen) -> Iterator[Finding]:
         )
     if central:
         units, sun = run.system.units, run.system.names[seen.dominant]
+        turns = [2.0 * math.pi * seen.passages[k].distance / seen.passages[k].speed for k in central]
+        enough, which = min(turns) / run.integrator.least_steps, "it" if len(central) == 1 else "all of them"
         lines = []
         for k in central[:SHOWN]:
             passage = seen.passages[k]
@@ -256,13 +258,17 @@ def not_followed(run: Trajectory, seen: Seen) -> Iterator[Finding]:
             f"motion; {some}{counted(len(central), 'passage')}",
             lines,
             " had fewer",
+            f"dt <= {rounded_down(enough, units.time)} resolves {which}. " if enough > 0.0 else "",
         )
 
 
 def _not_to_be_trusted(
-    run: Trajectory, seen: Seen, kind: str, found: list[int], what: str, rows: list[str], had: str = ""
+    run: Trajectory, seen: Seen, kind: str, found: list[int], what: str, rows: list[str], had: str = "", step: str = ""
 ) -> Finding:
-    """Return what is said of passages, and of the bodies concerned."""
+    """Return what is said of passages, and of the bodies concerned.
+
+    step : a sentence with a step that resolves them
+    """
     massive = run.system.massive
     pairs = [(seen.passages[k].body, seen.passages[k].other) for k in found]
     who = len({body for pair in pairs for body in pair if not massive[body]})
@@ -271,7 +277,7 @@ def _not_to_be_trusted(
     whose += " of massive bodies" * of_planets
     remedy = _remedy_for_planets(run.integrator)
     if not of_planets:
-        remedy = f"All others are right. {_remedy_for_particles(run.integrator)}"
+        step, remedy = f"All others are right. {step}", _remedy_for_particles(run.integrator)
     return Finding(
         f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:",
         StepWarning,
@@ -279,7 +285,7 @@ def _not_to_be_trusted(
         rows,
         len(found) - SHOWN,
         ", in run.unresolved()",
-        remedy,
+        step + remedy,
     )
 
 

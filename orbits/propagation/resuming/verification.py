@@ -111,8 +111,8 @@ def verify(
     Checked are the header, the commits, the checkpoint, every chunk of samples and of dense output against their
     checksums, the order of times, that samples are numbers except where a particle was retired or a body merged, that
     the first sample is the start of the run, and that a part of the run, integrated again, gives the same samples and
-    the same state at the end, bit for bit. Told are the drift of the conserved quantities, with what the run was made,
-    and whether a process is writing the file, which is not disturbed.
+    the same state at the end, bit for bit. The result also has the drift of the conserved quantities, the versions that
+    made the run, and whether a process is writing the file, which is not disturbed.
 
     recompute : "last" integrates from the last checkpoint but one, ten seconds of the run at most; "all" from the
         start; "none" does not
