@@ -14,8 +14,8 @@ from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.marching.legs.step_keeping import steps_apart
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.marchers import bound
-from orbits.propagation.results.states_after_changes import LegsAgain
-from orbits.system.model import continued, most_inner
+from orbits.propagation.results.marched_again import MarchedAgain
+from orbits.system.model import most_inner
 from orbits.time_grid import snapped, times_since
 from orbits.trajectory.work import accounts_of
 
@@ -86,18 +86,11 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     place = np.searchsorted(known * direction, times * direction, side="right") - 1
     before, begun = order[place], known[place]
     q, v = np.empty((2, len(times), len(trajectory.names), 3))
-    if trajectory.changes is not None and len(trajectory.changes):
-        again, sample = None, -1
-        for k in np.argsort(times * direction, kind="stable").tolist():
-            if again is None or before[k] != sample:
-                sample = int(before[k])
-                again = LegsAgain(trajectory, float(begun[k]), *_state(trajectory, sample))
-            q[k], v[k] = again.at(float(times[k]))
-        return q, v, times, None
     missing = (begun != times) | (before == START)
     q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
-    if kept is None or not len(kept):
-        accounts = _accounts(trajectory, before) if most_inner(trajectory.system) else None
+    changes = trajectory.changes is not None and len(trajectory.changes) > 0
+    if changes or kept is None or not len(kept):
+        accounts = _accounts(trajectory, before) if most_inner(trajectory.system) and not changes else None
         _marched(trajectory, begun, before, lambda k: _state(trajectory, k), times, missing, q, v, accounts)
         return q, v, times, accounts
     starts, marched = kept.times[:, 0], missing
@@ -171,23 +164,18 @@ def _marched(
     accounts : of forces with internal variables, those at the known states, which those at the times replace
     """
     clock = trajectory.clock
-    marcher, known = None, 0
+    again, known = None, 0
     given: Array | None = None
     for k in np.argsort(times * clock.direction, kind="stable").tolist():
         if not missing[k]:
             continue
-        if marcher is None or before[k] != known:
-            known, begin = int(before[k]), float(begun[k])
+        if again is None or before[k] != known:
+            known = int(before[k])
             given = None if accounts is None else accounts[k].copy()
-            system = trajectory.system if given is None else continued(trajectory.system, given)
-            marcher = bound(
-                system, trajectory.integrator, clock, threads=1, state=state(known), start=begin, underway=True
-            )
-        place = clock.place(float(times[k]) - begin)
-        marcher.advance_to(place)
-        q[k], v[k] = marcher.state_at(place)
+            again = MarchedAgain(trajectory, float(begun[k]), *state(known), given)
+        q[k], v[k] = again.at(float(times[k]))
         if accounts is not None and given is not None:
-            accounts[k] = marcher.accounts()
+            accounts[k] = again.march.accounts()
             accounts[k, :, :FIGURES] += given[:, :FIGURES]
     whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
