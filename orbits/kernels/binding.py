@@ -205,7 +205,7 @@ def of_lagrangian(add=None, total=None, otherwise=None):
     of its name; of a sum, that of its first term. A number in place of a kernel is returned.
 
     add : adds to that what the kernels of the other terms write; total : returns the sum of what they return
-    otherwise : the function to call without such a kernel
+    otherwise : the function to call without such a kernel, of a Lagrangian, its parameters and *rest
     """
 
     def decorated(described):
@@ -258,7 +258,7 @@ def dimension(lagrangian, parameters):
     """Return the number of coordinates."""
 
 
-@of_lagrangian(otherwise=lambda lagrangian, parameters: 0)
+@of_lagrangian(otherwise=lambda lagrangian, parameters, *rest: 0)
 def bodies(lagrangian, parameters):
     """Return the number of bodies of three coordinates each, all x first; 0 if the coordinates are not those of
     bodies.
@@ -311,7 +311,8 @@ def add_to_all(others, strength, parameters, q, *rest):
 
 
 @of_lagrangian(
-    add=add_to_all, otherwise=lambda lagrangian, parameters, q, q_lo, out: accelerate(lagrangian, parameters, q, out)
+    add=add_to_all,
+    otherwise=lambda lagrangian, parameters, *rest: accelerate(lagrangian, parameters, rest[0], rest[2]),
 )
 def accelerate_close(lagrangian, parameters, q, q_lo, out):
     """As `accelerate` for rows of eight stages, with positions (q, q_lo) in doubled precision; without a kernel for

@@ -52,6 +52,6 @@ def rate_at(lagrangian, parameters, sources, place):
     )[3]
 
 
-@of_lagrangian(otherwise=lambda lagrangian, parameters, sources, x, y, z: x * 0.0)
+@of_lagrangian(otherwise=lambda lagrangian, parameters, *rest: rest[1] * 0.0)
 def gross_field(lagrangian, parameters, sources, x, y, z):
     """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel."""
