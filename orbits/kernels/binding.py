@@ -203,11 +203,12 @@ total_particle_gradients = totalling("particle_gradients")
 total_particle_momenta = totalling("particle_momenta", instead="particle_gradients", skipped=3)
 
 
-def of_lagrangian(add=None, total=None):
+def of_lagrangian(add=None, total=None, otherwise=None):
     """Return a decorator of a function that is described by its arguments and docstring: compiled code calls the kernel
-    of its name; of a sum, that of its first term.
+    of its name; of a sum, that of its first term. A number in place of a kernel is returned.
 
     add : adds to that what the kernels of the other terms write; total : returns the sum of what they return
+    otherwise : the function to call without such a kernel, of a Lagrangian, its parameters and *rest
     """
 
     def decorated(described):
@@ -226,7 +227,9 @@ def of_lagrangian(add=None, total=None):
             if isinstance(lagrangian, SumType):
                 return totalled if total else added if add else first
             compiled = kernel_of(lagrangian, described.__name__)
-            return compiled and WithoutFirst(compiled)
+            if isinstance(compiled, int):
+                return lambda lagrangian, parameters, *rest: compiled
+            return WithoutFirst(compiled) if compiled else otherwise
 
         found = wraps(described)(verb(choose))
         return found
@@ -253,26 +256,16 @@ def of_record(optional=False):
     return decorated
 
 
-@verb
+@of_lagrangian()
 def dimension(lagrangian, parameters):
     """Return the number of coordinates."""
-    if isinstance(lagrangian, SumType):
-        return lambda lagrangian, parameters: dimension(first_term(lagrangian), parameters[0])
-    compiled = kernel_of(lagrangian, "dimension")
-    if isinstance(compiled, int):
-        return lambda lagrangian, parameters: compiled
-    return compiled and WithoutFirst(compiled)
 
 
-@verb
+@of_lagrangian(otherwise=lambda lagrangian, parameters, *rest: 0)
 def bodies(lagrangian, parameters):
     """Return the number of bodies of three coordinates each, all x first; 0 if the coordinates are not those of
     bodies.
     """
-    if isinstance(lagrangian, SumType):
-        return lambda lagrangian, parameters: bodies(first_term(lagrangian), parameters[0])
-    compiled = kernel_of(lagrangian, "bodies")
-    return WithoutFirst(compiled) if compiled else (lambda lagrangian, parameters: 0)
 
 
 @of_lagrangian(total=total_value)
@@ -305,8 +298,7 @@ def accelerate(lagrangian, parameters, q, out):
 
         def summed(lagrangian, parameters, q, out):
             accelerate(first_term(lagrangian), parameters[0], q, out)
-            n = bodies(lagrangian, parameters)
-            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
+            add_to_all(other_terms(lagrangian), parameters[0], parameters[1:], q, out)
 
         return summed
     compiled = kernel_of(lagrangian, "accelerate" if getattr(q, "ndim", 0) == 1 else "accelerate_stages")
@@ -314,22 +306,21 @@ def accelerate(lagrangian, parameters, q, out):
 
 
 @verb
+def add_to_all(others, strength, parameters, q, *rest):
+    """Add the accelerations of all bodies by the other terms of a sum to the last argument."""
+    return lambda others, strength, parameters, q, *rest: add_accelerations(
+        others, strength, parameters, q, rest[-1], 0, len(strength) - 1
+    )
+
+
+@of_lagrangian(
+    add=add_to_all,
+    otherwise=lambda lagrangian, parameters, *rest: accelerate(lagrangian, parameters, rest[0], rest[2]),
+)
 def accelerate_close(lagrangian, parameters, q, q_lo, out):
     """As `accelerate` for rows of eight stages, with positions (q, q_lo) in doubled precision; without a kernel for
     that, only q is used.
     """
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, q, q_lo, out):
-            accelerate_close(first_term(lagrangian), parameters[0], q, q_lo, out)
-            n = bodies(lagrangian, parameters)
-            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
-
-        return summed
-    compiled = kernel_of(lagrangian, "accelerate_close")
-    if compiled is None:
-        return lambda lagrangian, parameters, q, q_lo, out: accelerate(lagrangian, parameters, q, out)
-    return WithoutFirst(compiled)
 
 
 @verb
@@ -355,8 +346,7 @@ def accelerate_finely(lagrangian, parameters, q, q_lo, close, out, out_lo):
         def summed(lagrangian, parameters, q, q_lo, close, out, out_lo):
             for k in range(dimension(lagrangian, parameters)):
                 store(out, k, full(0.0))
-            n = bodies(lagrangian, parameters)
-            add_accelerations(other_terms(lagrangian), parameters[0], parameters[1:], q, out, 0, n)
+            add_to_all(other_terms(lagrangian), parameters[0], parameters[1:], q, out)
             add_finely(parameters[0], q, q_lo, close, out, out_lo)
 
         return summed
@@ -389,57 +379,6 @@ def accelerate_some(lagrangian, parameters, q, out, start, stop):
 @of_lagrangian(total=total_field)
 def field(lagrangian, parameters, sources, x, y, z):
     """Return the acceleration (ax, ay, az) of a massless particle at (x, y, z) in the field of `sources`."""
-
-
-@verb
-def field_close(lagrangian, parameters, sources, sources_lo, place, place_lo):
-    """As `field`, for positions in doubled precision, with the square of the dynamical rate there: (ax, ay, az, S);
-    without a kernel for that, only the high parts are used, and S is 0.
-    """
-    if isinstance(lagrangian, SumType):
-
-        def summed(lagrangian, parameters, sources, sources_lo, place, place_lo):
-            first = first_term(lagrangian)
-            ax, ay, az, rate = field_close(first, parameters[0], sources, sources_lo, place, place_lo)
-            x, y, z = place
-            more = total_field(other_terms(lagrangian), parameters[0], parameters[1:], sources, x, y, z)
-            return ax + more[0], ay + more[1], az + more[2], rate
-
-        return summed
-    compiled = kernel_of(lagrangian, "field_close")
-    if compiled is None:
-
-        def plain(lagrangian, parameters, sources, sources_lo, place, place_lo):
-            ax, ay, az = field(lagrangian, parameters, sources, place[0], place[1], place[2])
-            return ax, ay, az, ax * 0.0
-
-        return plain
-    return WithoutFirst(compiled)
-
-
-@verb
-def rate_at(lagrangian, parameters, sources, place):
-    """Return the square of the dynamical rate of a massless particle at a place; of the first term of a sum alone."""
-    if isinstance(lagrangian, SumType):
-        return lambda lagrangian, parameters, sources, place: rate_at(
-            first_term(lagrangian), parameters[0], sources, place
-        )
-    return lambda lagrangian, parameters, sources, place: field_close(
-        lagrangian, parameters, sources, None, place, place
-    )[3]
-
-
-@verb
-def gross_field(lagrangian, parameters, sources, x, y, z):
-    """Return the sum of the magnitudes of the attractions at a point, whose vectors may cancel."""
-    if isinstance(lagrangian, SumType):
-        return lambda lagrangian, parameters, sources, x, y, z: gross_field(
-            first_term(lagrangian), parameters[0], sources, x, y, z
-        )
-    compiled = kernel_of(lagrangian, "gross_field")
-    if compiled is None:
-        return lambda lagrangian, parameters, sources, x, y, z: x * 0.0
-    return WithoutFirst(compiled)
 
 
 @of_lagrangian(total=total_particle_gradients)

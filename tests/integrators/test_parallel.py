@@ -159,6 +159,8 @@ def test_more_threads_than_the_system_grants_are_an_error_in_words(monkeypatch):
     n = 400  # massless, 50 shares
     q, v = rng.normal(size=(2, n + 1, 3))
     system = orbits.System([str(k) for k in range(n + 1)], [1.0] + [0.0] * n, q, v, units=orbits.DIMENSIONLESS)
+    # What tells that kernels are compiled is a thread as well.
+    orbits.propagate(system, orbits.StormerVerlet(), dt=1e-3, duration=0.01, threads=1, check_step=False)
     monkeypatch.setattr(threading.Thread, "start", limited)
     with pytest.raises(orbits.errors.InputError, match="threads = 20: the system grants this process no more than 4"):
         orbits.propagate(system, orbits.StormerVerlet(), dt=1e-3, duration=2.0, threads=20, check_step=False)

@@ -21,9 +21,10 @@ from orbits.integrators.canonical.room import (
 )
 from orbits.integrators.collocation.particles import is_round_off
 from orbits.integrators.collocation.rows import HB, HC, HC_LO, is_close, place
-from orbits.kernels.binding import Tag, dimension, field, field_close, first_term
+from orbits.kernels.binding import Tag, dimension, field, first_term
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
+from orbits.kernels.gravity.close_field import field_close
 from orbits.kernels.gravity.terms_and_forces import particle_acting, particle_momenta, particle_terms
 from orbits.kernels.lanes import fma, full, largest, load, store, total
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles

@@ -17,9 +17,10 @@ from orbits.integrators.collocation.rows import (
     place,
     registers,
 )
-from orbits.kernels.binding import Tag, field, field_close, gross_field
+from orbits.kernels.binding import Tag, field
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
+from orbits.kernels.gravity.close_field import field_close, gross_field
 from orbits.kernels.lanes import WIDTH, fma, full, largest, load, maximum, store, total
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK, Particles
 from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, TIGHT, solve

@@ -6,7 +6,7 @@ import contextlib
 import gc
 from collections.abc import Iterator
 
-MOST = 1_500_000
+MOST = 3_000_000
 """The number of objects that may be left, of which more than a half is garbage, before all garbage is collected."""
 
 _left = 0

@@ -19,8 +19,9 @@ from typing import Any, NamedTuple
 from orbits.integrators.canonical.room import padded_length
 from orbits.integrators.collocation.lengths import CANCELLED
 from orbits.integrators.collocation.rows import LAST, NODES, WEIGHTS
-from orbits.kernels.binding import Tag, bodies, gross_field, rate_at
+from orbits.kernels.binding import Tag, bodies
 from orbits.kernels.compile import kernel
+from orbits.kernels.gravity.close_field import gross_field, rate_at
 from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
 from orbits.kernels.search.context import watch_at
 from orbits.kernels.steps import (

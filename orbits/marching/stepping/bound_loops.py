@@ -12,7 +12,7 @@ from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
-from orbits.kernels.steps import NOWHERE
+from orbits.kernels.steps import NOWHERE, Method, Model, Share, State, Storage
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.following.contract import Block, Followers
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
@@ -212,15 +212,18 @@ class BoundLoops:
         some: NDArray[np.intp] | None = None,
     ) -> None:
         """Call `enter_march_of_particles` or `leave_march_of_particles` for all particles, in threads, or for some."""
-        bound = self.bound(clock, self.times)[:4]
-        bodies = [state[name] for name in ("q", "q_lo", "v", "v_lo")]
-        particles = [state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo", "memory")]
-        gone = np.zeros((particles[0].shape[1], 2), dtype=np.int64) if retired is None else retired
+        bound = self.bound(clock, self.times)
+        bodies = State(*(state[name] for name in ("q", "q_lo", "v", "v_lo")))
+        columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
+        gone = np.zeros((columns.q.shape[1], 2), dtype=np.int64) if retired is None else retired
+        particles = columns, state["particle_memory"], gone
 
         def transform(start: int, stop: int) -> None:
-            room = aligned(state["memory"].shape, self._scratch.shape, self._stages.shape[1:], (2 * WIDTH, WIDTH))
-            room[0][...] = state["memory"]
-            kernel(*bound, *bodies, *room[:3], *particles, gone, room[3], start, stop)
+            shapes = state["memory"].shape, self._scratch.shape, self._stages.shape[1:], (2 * WIDTH, WIDTH)
+            carry, scratch, stages, rows = aligned(*shapes)
+            carry[...] = state["memory"]
+            storage = Storage(carry, scratch, stages, Share(start, stop, None))
+            kernel(Method(*bound[:2]), Model(*bound[2:4]), bodies, particles, rows, storage)
 
         if some is None:
             self._helpers.each(transform, self._shares)

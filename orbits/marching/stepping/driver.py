@@ -1,6 +1,7 @@
 """The loops over steps: clock, step and recording.
 
-Arguments are flat, because Python calls these functions: building records for each call would cost more than a step.
+Arguments of `march` are flat, because Python calls it for each block: five records would cost 9 microseconds, more than
+steps of few bodies. What is called once a run, or for thousands of bodies, takes records.
 The clock determines when a step begins and how long it is (`orbits.kernels.clocks`).
 """
 
@@ -12,10 +13,7 @@ from orbits.kernels.clocks import Clock, step_of, take_step
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.paths import record_carry, record_strip
-from orbits.kernels.state import (
-    Columns,
-    all_finite,
-)
+from orbits.kernels.state import all_finite
 from orbits.kernels.steps import (
     NOT_FINITE,
     OK,
@@ -87,30 +85,20 @@ def leave_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry,
 
 
 @kernel
-def enter_march_of_particles(
-    form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, scratch, stages,
-    columns, columns_lo, speeds, speeds_lo, memory, retired, rows, start, stop
-):  # fmt: skip
-    """Compute what is marched of particles start ... stop - 1, in `memory`, from what is seen of them and of bodies.
+def enter_march_of_particles(method, model, state, particles, rows, storage):
+    """Compute what is marched of particles from what is seen of them and of bodies.
 
-    carry : that of the bodies, a copy, which is lost; scratch : of the bodies; stages : (rows, columns), of a step
-    columns, columns_lo, speeds, speeds_lo : (3, padded), positions and velocities of the particles
-    memory, retired, rows : see `orbits.kernels.steps.enter_particles`
+    method, model, state, storage : records, see `orbits.kernels.steps`. The carry is a copy of that of the bodies, and
+        is lost; the stages are those of a step; the share is of the particles
+    particles : (`Columns` of positions and velocities, memory, retired); these and rows : see `enter_particles` there
     """
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    particles = Columns(columns, columns_lo, speeds, speeds_lo), memory, retired
-    enter_particles(method, model, state, particles, rows, Storage(carry, scratch, stages, Share(start, stop, None)))
+    enter_particles(method, model, state, particles, rows, storage)
 
 
 @kernel
-def leave_march_of_particles(
-    form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, scratch, stages,
-    columns, columns_lo, speeds, speeds_lo, memory, retired, rows, start, stop
-):  # fmt: skip
-    """Compute what is seen of particles from what is marched, which is changed: `memory` must be a copy as well."""
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    particles = Columns(columns, columns_lo, speeds, speeds_lo), memory, retired
-    leave_particles(method, model, state, particles, rows, Storage(carry, scratch, stages, Share(start, stop, None)))
+def leave_march_of_particles(method, model, state, particles, rows, storage):
+    """Compute what is seen of particles from what is marched, which is changed: the memory must be a copy as well."""
+    leave_particles(method, model, state, particles, rows, storage)
 
 
 @kernel
@@ -135,18 +123,16 @@ def leave_each(form, coefficients, tag, parameters, h, carries, room, carry, scr
 
 
 @kernel
-def march_together(
-    counters, threads, member, rounds, fresh,
-    form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages, path, steps
-):  # fmt: skip
+def march_together(counters, threads, member, rounds, fresh, method, model, clock, state, room, path, steps):
     """March thousands of bodies as one of several threads: each moves a share of the coordinates.
 
     rounds : (threads, 8) int64, a row for each thread; its second number is the number of evaluations
     fresh : whether the scratch already holds what `begin` would write
-    The other arguments are those of `march`.
+    method, model, clock, state : records, see `orbits.kernels.steps`; room : (carry, scratch, stages)
+    path, steps : see `march`
     """
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    clock, size = Clock(timing, numbers, room), dimension(tag, parameters)
+    carry, scratch, stages = room
+    size = dimension(model.tag, model.parameters)
     groups = (size + WIDTH - 1) // WIDTH
     start, stop = WIDTH * (groups * member // threads), min(WIDTH * (groups * (member + 1) // threads), size)
     share = Share(start, stop, Barrier(counters, threads, rounds[member]))
@@ -155,7 +141,7 @@ def march_together(
         t, h = step_of(clock, 0)
         begin(method, model, t, h, state, Storage(carry, scratch, stages[0], share))
     for k in range(steps):
-        record_strip(path, k, q, p, start, stop)
+        record_strip(path, k, state.q, state.p, start, stop)
         storage = Storage(carry, scratch, stages[k % stages.shape[0]], share)
         _, _, count = take_step(clock, method, model, k, state, storage)
         rounds[member, 1] += count

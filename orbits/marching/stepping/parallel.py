@@ -16,13 +16,14 @@ import numpy as np
 from orbits.integrators.forms import Form, padded
 from orbits.kernels.barrier import ABANDONED, COUNTERS, PIECE, claim, meet
 from orbits.kernels.binding import Tag
+from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.search.approaches import follow_row, longest_way
 from orbits.kernels.search.context import Contexts, watch_at
 from orbits.kernels.search.record import COLUMNS, QUANTITIES, enter_record, note_rows
 from orbits.kernels.state import all_finite, copy
-from orbits.kernels.steps import NOT_FINITE, OK
+from orbits.kernels.steps import NOT_FINITE, OK, Method, Model, State
 from orbits.marching.stepping.driver import march_together
 from orbits.marching.watching.leg_observers import Observers
 
@@ -145,13 +146,14 @@ class Parallel:
 
     def march(self, *arguments: Any) -> tuple[int, int, int, int]:
         """March the bodies; the arguments and the result are those of `driver.march`."""
-        *flat, _, _, steps = arguments
-        q, p = flat[7], flat[9]
-        fresh = bool(np.array_equal(q[: self._size], self._at))
+        *flat, path, _, _, steps = arguments
+        method, model, clock, state = Method(*flat[:2]), Model(*flat[2:4]), Clock(*flat[4:7]), State(*flat[7:11])
+        fresh = bool(np.array_equal(state.q[: self._size], self._at))
         self._at = np.zeros(0)
-        self._threads.run(march_together, self._rounds, fresh, *flat, steps)
-        self._at = q[: self._size].copy()
-        status = OK if all_finite(q, p, self._size) else NOT_FINITE
+        records = method, model, clock, state, tuple(flat[11:])
+        self._threads.run(march_together, self._rounds, fresh, *records, path, steps)
+        self._at = state.q[: self._size].copy()
+        status = OK if all_finite(state.q, state.p, self._size) else NOT_FINITE
         return status, steps, 0, int(self._rounds[0, 1])
 
     def follow(self, watcher: Observers, h: float, steps: int) -> None:
