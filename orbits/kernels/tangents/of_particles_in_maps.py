@@ -298,5 +298,5 @@ def _note(rules, step, k, before, after, found):
             first = near * (load(found, NEAR) > step)
             store(found, NEAR, select(first, full(step), load(found, NEAR)))
             store(found, WHICH, select(first, full(1.0 * j), load(found, WHICH)))
-    sharp = falls(rules, k, before, 1.0) + falls(rules, k + 1, after, 1.0) > 0.0
+    sharp = falls(rules, k + 1, after, 1.0)
     store(found, SHARP, select(sharp * (load(found, SHARP) > step), full(step), load(found, SHARP)))
