@@ -213,3 +213,8 @@ def _aliases() -> dict[str, str]:
 def _gm_table() -> dict[str, float]:
     table: dict[str, float] = json.loads(data_path("gm_de440.json").read_text(encoding="utf-8"))["au3_d2"]
     return table
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

@@ -16,6 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.checks import finite_numbers, real_numbers
 from orbits.errors import InputError, shown
 
+__all__ = ["body_rates", "free_rotation", "matrices", "product", "start"]
+
 Array = NDArray[np.float64]
 
 SLACK = 1e-12
@@ -170,3 +172,8 @@ def _quaternions(given: Any, what: str) -> Array:
     if found.ndim == 0 or found.shape[-1] != 4:
         raise InputError(f"{what} has the shape {found.shape}; expected quaternions, (..., 4).")
     return found
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

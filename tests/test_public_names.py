@@ -63,11 +63,12 @@ def test_there_are_few_names_at_the_top() -> None:
     assert len([name for name in dir(orbits) if not name.startswith("__")]) <= 55  # as observations will add some
 
 
-@pytest.mark.parametrize("space", orbits._SPACES)
+@pytest.mark.parametrize("space", [*orbits._SPACES, *orbits._PARTS])
 def test_a_namespace_shows_its_names_alone_and_each_is_documented(space: str) -> None:
     module = getattr(orbits, space)
     assert module.__doc__
-    assert dir(module) == sorted(module.__all__)
+    registered = [key.replace("-", "_") for key in orbits.lagrangians.registry()] if space == "lagrangians" else []
+    assert dir(module) == sorted([*module.__all__, *registered])
     for name in module.__all__:
         assert inspect.getdoc(getattr(module, name)), name
 

@@ -42,3 +42,8 @@ __all__ = [
     "reversibility",
     "symplecticity",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

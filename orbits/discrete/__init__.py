@@ -90,3 +90,8 @@ __all__ = [
     "two_form",
     "vprk",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

@@ -35,3 +35,8 @@ __all__ = [
     "to_frame",
     "two_body",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

@@ -21,3 +21,8 @@ from orbits.ensemble.running import run
 open = open_campaign
 
 __all__ = ["Campaign", "Ensemble", "Plan", "Progress", "clones", "grid", "open", "particles", "run", "systems"]
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

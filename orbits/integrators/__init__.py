@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import importlib
-import pkgutil
 import re
 from collections.abc import Mapping
 from functools import lru_cache
@@ -14,17 +12,12 @@ from typing import Any
 from orbits.elsewhere import method_hint
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
+from orbits.registered import registered
 
 
-@lru_cache(maxsize=1)
 def registry() -> dict[str, type[Integrator]]:
     """Return every integrator of the package by its name."""
-    found: dict[str, type[Integrator]] = {}
-    for module in pkgutil.iter_modules(__path__):
-        for value in vars(importlib.import_module(f"{__name__}.{module.name}")).values():
-            if isinstance(value, type) and issubclass(value, Integrator) and hasattr(value, "name"):
-                found[value.name] = value
-    return found
+    return registered(__name__, Integrator, "name")
 
 
 def describe(integrator: Integrator) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Form, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
+from orbits.kernels.dense import keep_coefficients
 from orbits.kernels.state import copy, drift, drifted, kick, kicked
 from orbits.kernels.steps import OK
 from orbits.lagrangians.base import SEPARABLE
@@ -39,26 +40,13 @@ def step_particles(method, model, t, h, particles, carry, storage):
     return kicked(drifted(particles, h), h, g), carry, OK, 1
 
 
-@kernel(inline=True)
-def begin_particles(method, model, particles, storage):
-    """There is no carry; a number stands for it."""
-    return OK
-
-
-@kernel(inline=True)
-def stretch(method, unit, factor):
-    """There are no coefficients that depend on the length of a step."""
-    return OK
-
-
 class _Euler(Form):
     """A step of positions and velocities, both from their values before it."""
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "step": step,
         "step_particles": step_particles,
-        "begin_particles": begin_particles,
-        "stretch": stretch,
+        "stretch": keep_coefficients,
     }
 
     def stages_shape(self, size: int) -> tuple[int, int]:

@@ -11,7 +11,7 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Marsden & West (200
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -30,44 +30,50 @@ def drift_kick_drift(h: float) -> tuple[Array, Array]:
     return np.array([0.0, h, 0.0]), np.array([h / 2, h / 2])
 
 
-def _checked(name: str, stages: Any) -> int:
-    if not is_whole(stages) or not 2 <= stages <= WIDTH:
-        raise InputError(
-            f"{name} needs a whole number of stages between 2 and {WIDTH}, got {shown(stages)}; use e.g. "
-            f"{name}(stages=3)"
-        )
-    return int(stages)
+@dataclass(frozen=True)
+class Lobatto(VariationalRungeKutta):
+    """The base of both, with a tableau of `stages` stages, and the form of that with two."""
+
+    stages: int = 3
+
+    two: ClassVar[Splitting]
+
+    def __post_init__(self) -> None:
+        name, stages = type(self).__name__, self.stages
+        if not is_whole(stages) or not 2 <= stages <= WIDTH:
+            raise InputError(
+                f"{name} needs a whole number of stages between 2 and {WIDTH}, got {shown(stages)}; use e.g. "
+                f"{name}(stages=3)"
+            )
+        object.__setattr__(self, "stages", int(stages))
+
+    @property
+    def second_order(self) -> Form:
+        """With two stages, kicks and drifts."""
+        return self.two if self.stages == 2 else super().second_order
 
 
 @dataclass(frozen=True)
-class LobattoIIIAB(VariationalRungeKutta):
+class LobattoIIIAB(Lobatto):
     """Lobatto IIIA for the positions, IIIB for the momenta, 2 ... 8 stages, order 2s - 2.
 
     stages : s
 
-    Implicit except for two stages with a separable Lagrangian; symplectic, symmetric; conserves linear and angular
-    momentum. The ends of a step are stages, so forces are evaluated at the output positions.
+    Implicit except for two stages with a separable Lagrangian, which are those of Störmer–Verlet; symplectic,
+    symmetric; conserves linear and angular momentum. The ends of a step are stages, so forces are evaluated at the
+    output positions.
     Raises InputError for other stages; a march raises ConvergenceError if a step does not converge.
     """
-
-    stages: int = 3
 
     name: ClassVar[str] = "lobatto-iiia-iiib"
     summary: ClassVar[str] = "Lobatto IIIA–IIIB: variational, implicit, order 2s - 2"
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Sun (1993)"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", _checked("LobattoIIIAB", self.stages))
+    two: ClassVar[Splitting] = Splitting(kick_drift_kick, drifts=1)
 
     @property
     def tableau(self) -> SymplecticTableau:
         """IIIA with its symplectic partner."""
         return lobatto_iiia_iiib(self.stages)
-
-    @property
-    def second_order(self) -> Form:
-        """With two stages, the kicks and drifts of Störmer–Verlet."""
-        return Splitting(kick_drift_kick, drifts=1) if self.stages == 2 else super().second_order
 
     @classmethod
     def examples(cls) -> tuple[LobattoIIIAB, ...]:
@@ -76,7 +82,7 @@ class LobattoIIIAB(VariationalRungeKutta):
 
 
 @dataclass(frozen=True)
-class LobattoIIIBA(VariationalRungeKutta):
+class LobattoIIIBA(Lobatto):
     """Lobatto IIIB for the positions, IIIA for the momenta, 2 ... 8 stages, order 2s - 2.
 
     stages : s
@@ -86,24 +92,15 @@ class LobattoIIIBA(VariationalRungeKutta):
     Raises InputError for other stages; a march raises ConvergenceError if a step does not converge.
     """
 
-    stages: int = 3
-
     name: ClassVar[str] = "lobatto-iiib-iiia"
     summary: ClassVar[str] = "Lobatto IIIB–IIIA: variational, implicit, order 2s - 2"
     source: ClassVar[str] = "Hairer, Lubich & Wanner (2006), sec. II.2.2, VI.4.1; Sun (1993)"
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", _checked("LobattoIIIBA", self.stages))
+    two: ClassVar[Splitting] = Splitting(drift_kick_drift, drifts=2)
 
     @property
     def tableau(self) -> SymplecticTableau:
         """IIIB with its symplectic partner."""
         return lobatto_iiib_iiia(self.stages)
-
-    @property
-    def second_order(self) -> Form:
-        """With two stages, two drifts and a kick."""
-        return Splitting(drift_kick_drift, drifts=2) if self.stages == 2 else super().second_order
 
     @classmethod
     def examples(cls) -> tuple[LobattoIIIBA, ...]:

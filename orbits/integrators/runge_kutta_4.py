@@ -20,6 +20,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Form, padded
 from orbits.kernels.binding import accelerate, dimension, field
 from orbits.kernels.compile import kernel
+from orbits.kernels.dense import keep_coefficients
 from orbits.kernels.state import copy, drift, drifted, kick, kicked, shifted
 from orbits.kernels.steps import OK
 from orbits.lagrangians.base import SEPARABLE
@@ -89,26 +90,13 @@ def step_particles(method, model, t, h, particles, carry, storage):
     return kicked(particles, h / 6, change), carry, OK, 4
 
 
-@kernel(inline=True)
-def begin_particles(method, model, particles, storage):
-    """There is no carry; a number stands for it."""
-    return OK
-
-
-@kernel(inline=True)
-def stretch(method, unit, factor):
-    """There are no coefficients that depend on the length of a step."""
-    return OK
-
-
 class _FourStages(Form):
     """Four explicit stages."""
 
     kernels: ClassVar[Mapping[str, Any]] = {
         "step": step,
         "step_particles": step_particles,
-        "begin_particles": begin_particles,
-        "stretch": stretch,
+        "stretch": keep_coefficients,
     }
 
     def stages_shape(self, size: int) -> tuple[int, int]:

@@ -23,11 +23,13 @@ again, with a partial step's own coefficients. `stretch`, `dense` and `resolves`
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 from orbits.kernels.binding import dimension, of_record
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.search.paths import record_carry
-from orbits.kernels.steps import OK, Method, Model, Share, State, Storage, begin, enter, leave, part
+from orbits.kernels.steps import OK, Method, Model, begin, enter, leave, part
 from orbits.kernels.sums.summation import two_sum
 
 
@@ -44,6 +46,11 @@ def resolves(method, h, q, kicks, bodies):
 @of_record(optional=True)
 def stretch(method, unit, factor):
     """Write the coefficients of steps `factor` times as long as those of `unit`; nothing for methods without it."""
+
+
+@kernel(inline=True)
+def keep_coefficients(method, unit, factor):
+    """Do nothing: the `stretch` of methods whose coefficients do not depend on the length of a step."""
 
 
 @kernel(inline=True)
@@ -123,33 +130,36 @@ def motion_within(form, coefficients, lengths, path, kicks, steps, fractions, q,
             dense(method, lengths[k], path[k, 0], path[k, 1], kicks[k], fractions[i], q[i], v[i])
 
 
+class Parts(NamedTuple):
+    """Partial steps, (m,) each: the states that they begin in, the times of these, their lengths, and which to take."""
+
+    starts: Any
+    times: Any
+    lengths: Any
+    missing: Any
+
+
 @kernel
-def partial_steps(
-    form, coefficients, unit, tag, parameters, path, starts, times, parts, missing, q, v, carries, room, carry, scratch,
-    stages
-):  # fmt: skip
+def partial_steps(form, coefficients, unit, tag, parameters, path, parts, q, v, carries, state, storage):
     """Write the states after partial steps from recorded states.
 
     coefficients : workspace, like `unit`, those of a step of unit length; both the same for a method without `stretch`
-    path : (states, 2, padded), q and v of each, or (states, 4, padded), with their low parts
-    starts, times, parts : (m,), the state that a partial step begins in, its time, and its length
-    missing : (m,) bool, which to write
+    path : (states, 2, padded), q and v of each, or (states, 4, padded), with their low parts; parts : see `Parts`
     q, v : (m, size), receive the states
     carries : (m, rows, 8), the carry with which each begins, and that after it; (0, rows, 8) for zeros
-    room : (4, padded), carry, scratch, stages : workspace; see `orbits.kernels.steps`
+    state, storage : workspace; see `orbits.kernels.steps`
 
     Returns the number of the first partial step that fails, and its status; or (-1, 0).
     """
     method, base, model = Method(form, coefficients), Method(form, unit), Model(tag, parameters)
-    size = dimension(tag, parameters)
-    state, storage = State(room[0], room[1], room[2], room[3]), Storage(carry, scratch, stages, Share(0, size, None))
-    for i in range(len(parts)):
+    size, carry, (starts, times, lengths, missing) = dimension(tag, parameters), storage.carry, parts
+    for i in range(len(lengths)):
         if missing[i]:
-            begun, h = path[starts[i]], parts[i]
-            for k in range(room.shape[1]):
-                room[0, k], room[1, k], room[2, k], room[3, k] = begun[0, k], 0.0, begun[1, k], 0.0
+            begun, h = path[starts[i]], lengths[i]
+            for k in range(len(state.q)):
+                state.q[k], state.q_lo[k], state.p[k], state.p_lo[k] = begun[0, k], 0.0, begun[1, k], 0.0
                 if path.shape[1] > 2:
-                    room[1, k], room[3, k] = begun[2, k], begun[3, k]
+                    state.q_lo[k], state.p_lo[k] = begun[2, k], begun[3, k]
             if h != 0.0:
                 for row in range(carry.shape[0]):
                     for k in range(carry.shape[1]):
@@ -164,7 +174,7 @@ def partial_steps(
                     record_carry(carries, i, carry)
                 leave(method, model, h, state, storage)
             for k in range(size):
-                q[i, k], v[i, k] = room[0, k], room[2, k]
+                q[i, k], v[i, k] = state.q[k], state.p[k]
     return -1, OK
 
 
@@ -199,10 +209,10 @@ def motion_at_checks(once, twice, checks, lengths, path, kicks, coordinates, row
 
 
 @kernel
-def times_reached(lengths, times):
+def times_reached(lengths, lows, times):
     """Write the times after steps of these lengths, (steps + 1, 2), each as the sum of two numbers; the first one is
-    given.
+    given. lows : (steps,), the low parts of the lengths
     """
     for k in range(len(lengths)):
         time, lost = two_sum(times[k, 0], lengths[k])
-        times[k + 1, 0], times[k + 1, 1] = two_sum(time, lost + times[k, 1])
+        times[k + 1, 0], times[k + 1, 1] = two_sum(time, lost + (lows[k] + times[k, 1]))

@@ -43,3 +43,8 @@ for _module in pkgutil.iter_modules(__path__):
     for _name, _value in list(vars(importlib.import_module(f"{__name__}.{_module.name}")).items()):
         if isinstance(_value, Lagrangian):
             FOUND[_value.name] = globals()[_name] = _value
+
+
+def __dir__() -> list[str]:
+    """Return the public names: functions, and the registered Lagrangians."""
+    return [*__all__, *(name for name, value in globals().items() if isinstance(value, Lagrangian))]

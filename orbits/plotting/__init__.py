@@ -53,3 +53,8 @@ __all__ = [
     "short",
     "style",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

@@ -11,3 +11,8 @@ from orbits.spin_orbit.path import SpinPath
 from orbits.spin_orbit.planar import PlanarSpins
 
 __all__ = ["Libration", "PlanarSpins", "SpinPath"]
+
+
+def __dir__() -> list[str]:
+    """Return the public names."""
+    return __all__

@@ -140,5 +140,4 @@ def test_samples_of_what_is_in_carries_are_those_one_by_one_and_end_no_block(wha
     assert np.array_equal(together.v, one_by_one.v)
     assert np.array_equal(together._accounts, one_by_one._accounts)
     assert (together._accounts[-1] != 0.0).any() == bool(acts)
-    if dt != WITH_CARRIES["transformed time"][2]:  # its times are known where the march is alone
-        assert blocks <= 4 < many
+    assert blocks <= 4 < many

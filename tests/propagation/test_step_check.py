@@ -9,6 +9,7 @@ from astropy import units as u
 
 import orbits
 from orbits.propagation.checks.step_check import passage_error, too_long
+from orbits.results.approach import at_least
 
 from ..problems import belt
 
@@ -69,6 +70,14 @@ def test_a_pericentre_that_lies_beyond_the_end_of_the_run_is_no_reason_to_warn()
     assert caught(system, VERLET, period / 400, 0.2 * period)[1] == []
     assert len(caught(system, VERLET, period / 400, 0.6 * period)[1]) == 2  # before and after
     assert len(caught(system, VERLET, period / 400, -0.6 * period)[1]) == 2
+
+
+@pytest.mark.parametrize(
+    ("km", "said"),
+    [(27.4, "at least 20 km"), (850.0, "at least 800 km"), (1640.0, "at least 1,000 km"), (0.35, "at least 0.3 km")],
+)
+def test_a_lower_bound_of_an_error_is_rounded_down(km, said):
+    assert at_least(km * u.km) == said
 
 
 def test_warnings_point_to_the_line_that_asked_for_the_run():

@@ -28,7 +28,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from orbits.integrators.canonical.end import finish, finish_finely, momenta
-from orbits.integrators.canonical.form import combine
+from orbits.integrators.canonical.form import combine, finite_rows
 from orbits.integrators.canonical.lengths import end_late, prepare, stretch
 from orbits.integrators.canonical.particles import step_particles
 from orbits.integrators.canonical.room import (
@@ -53,7 +53,7 @@ from orbits.kernels.binding import Tag, accelerate, accelerate_close, dimension,
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.gravity.terms_and_forces import FIGURES, Moment, account, add_acting, add_terms, inner_variables
-from orbits.kernels.lanes import WIDTH, any_lane, fma, full, largest, load, maximum, store
+from orbits.kernels.lanes import WIDTH, fma, full, largest, load, maximum, store
 from orbits.kernels.steps import INNER_NOT_CONVERGED, NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.sums.iteration import CONVERGED, LIMIT, NEAR_FLOOR, settled, solve, unsettled_body
 from orbits.kernels.sums.summation import two_sum
@@ -251,22 +251,13 @@ def step(method, model, t, h, state, storage):
     status, body, evaluations = iterate(STAGES, equations, work.history, d // 3, parts(method, d))
     if status != OK:
         return status, body, evaluations
-    if not finite(work.G, work.W, d):
+    if not (finite_rows(work.G, d) and finite_rows(work.W, d)):
         return NOT_FINITE, 0, evaluations
     status, body = end(method, model, t, h, state, stages, work, storage.carry)
     if status == OK:
         at = Moment(times, stages.Q, stages.V, work.Y)
         account(model.tag, model.parameters, load(table, HB), at, work.F, work.D, books)
     return status, body, evaluations
-
-
-@kernel(inline=True)
-def finite(G, W, d):
-    """Return whether d rows of two arrays are finite."""
-    sound = True
-    for k in range(d):
-        sound &= not any_lane(1.0 - (load(G, k) * 0.0 == 0.0) * (load(W, k) * 0.0 == 0.0))
-    return sound
 
 
 @dataclass(frozen=True)

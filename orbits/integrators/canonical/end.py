@@ -65,6 +65,17 @@ def settle(model, t, state, stages, work, held, d):
 
 
 @kernel(inline=True)
+def _leave(state, stages, work, k, place, kick):
+    """Write the places of eight coordinates at the end of a step, and their kicks, pairs both."""
+    store(state.q, k, place[0])
+    store(state.q_lo, k, place[1])
+    store(stages.q_end, k, place[0])
+    store(stages.v_end, k, load(state.p, k) + kick[0])
+    store(work.kick, k, kick[0])
+    store(work.kick_lo, k, kick[1])
+
+
+@kernel(inline=True)
 def finish(method, model, t, h, state, stages, work, d):
     """Advance positions and velocities to the time t, the end of the step. Returns (status, body)."""
     q, q_lo, v, v_lo = state
@@ -74,12 +85,7 @@ def finish(method, model, t, h, state, stages, work, d):
     for k in range(0, d, WIDTH):
         x, x_lo = moved(h, load(q, k), load(q_lo, k), load(v, k), load(v_lo, k), row_sums(work.change, k))
         kick, kick_lo = compensated_row_sums(work.G, k)
-        store(q, k, x)
-        store(q_lo, k, x_lo)
-        store(stages.q_end, k, x)
-        store(stages.v_end, k, load(v, k) + kick)
-        store(work.kick, k, kick)
-        store(work.kick_lo, k, kick_lo)
+        _leave(state, stages, work, k, (x, x_lo), (kick, kick_lo))
     body = settle(model, t, state, stages, work, 0, d)
     return (OK, 0) if body < 0 else (NOT_CONVERGED, body)
 
@@ -138,11 +144,6 @@ def finish_finely(method, model, times, h, state, stages, work, L):
         drift, lost = two_sum(load(work.G, 2 * blocks + b), -row_sums(work.change, k))
         drift_lo = load(work.G, 3 * blocks + b) + lost
         x, x_lo = moved_by(h, load(q, k), load(q_lo, k), load(v, k), load(v_lo, k), drift, drift_lo)
-        store(q, k, x)
-        store(q_lo, k, x_lo)
-        store(stages.q_end, k, x)
-        store(stages.v_end, k, load(v, k) + kick)
-        store(work.kick, k, kick)
-        store(work.kick_lo, k, kick_lo)
+        _leave(state, stages, work, k, (x, x_lo), (kick, kick_lo))
     body = settle(model, end, state, stages, work, 0, d)
     return (OK, 0) if body < 0 else (NOT_CONVERGED, body)

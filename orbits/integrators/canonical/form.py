@@ -57,7 +57,7 @@ class Work(NamedTuple):
     Q, F, P, K : (rows, 8) positions, h b times forces, momenta and h b times velocities of the stages
     change, delta : (rows, 8) changes of the last iteration, and residuals
     history : (3 rows / 8, 8), see `orbits.kernels.sums.iteration`
-    curvature : (3 d^2, 8) Hessian blocks of the stages; flat : the same memory, as a vector
+    curvature : (3 d^2, 8) Hessian blocks of the stages
     matrix : (8 d, 8 d) of Newton's method, pivots (8 d,) its row exchanges
     mass : (d, d) mass matrix of the start, mass_pivots (d,) its row exchanges
     vector : (8 rows,), the unknowns of Newton's method, ordered by stage
@@ -73,7 +73,6 @@ class Work(NamedTuple):
     delta: Any
     history: Any
     curvature: Any
-    flat: Any
     matrix: Any
     pivots: Any
     mass: Any
@@ -106,7 +105,6 @@ def work_in(scratch, rows, d):
         scratch[6 * rows : 7 * rows],
         history,
         curvature,
-        curvature.reshape(-1),
         matrix,
         pivots[2 * d :],
         mass,
@@ -139,10 +137,11 @@ def predict(method, model, t, state, V, work):
         store(work.start, k, guess)
         store(V, k, guess)
         work.vector[k] = V[k, 0]
-    hessians(model.tag, model.parameters, t, state.q, work.vector, work.flat)
+    curvature = work.curvature.reshape(-1)
+    hessians(model.tag, model.parameters, t, state.q, work.vector, curvature)
     for m in range(d):
         for n in range(d):
-            work.mass[m, n] = work.flat[2 * d * d + m * d + n]
+            work.mass[m, n] = curvature[2 * d * d + m * d + n]
     return factorize(work.mass, d, work.mass_pivots)
 
 

@@ -27,11 +27,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from orbits.integrators.canonical.bodies import finite
-from orbits.integrators.canonical.form import combine
+from orbits.integrators.canonical.form import combine, finite_rows
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.binding import Tag, dimension, dynamical_rate
 from orbits.kernels.compile import kernel
+from orbits.kernels.dense import keep_coefficients
 from orbits.kernels.gravity.transformed_time import energy_of_bodies, transformed_field
 from orbits.kernels.lanes import WIDTH, full, load, maximum, store
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
@@ -191,7 +191,9 @@ def step(method, model, t, h, state, storage):
     carry[2 * rows, ELAPSED], carry[2 * rows, ELAPSED_LO] = work.hours[1, 0], work.hours[2, 0]
     store(work.hours, 1, full(0.0))
     store(work.hours, 2, full(0.0))
-    if carry[2 * rows, ELAPSED] * 0.0 != 0.0 or not finite(work.moves, work.moves[rows:], d):
+    if carry[2 * rows, ELAPSED] * 0.0 != 0.0 or not (
+        finite_rows(work.moves, d) and finite_rows(work.moves[rows:], d)
+    ):
         return NOT_FINITE, 0, evaluations
     for k in range(0, d, WIDTH):
         moved, moved_lo = compensated_row_sums(work.moves, k)
@@ -265,11 +267,6 @@ def _copy(state, room, away):
         at += x.shape[0]
 
 
-@kernel(inline=True)
-def stretch(method, unit, factor):
-    """Do nothing: `part` makes the coefficients of each step that it tries."""
-
-
 @dataclass(frozen=True)
 class TransformedBodies(Form):
     """The form of a variational partitioned Runge–Kutta method of up to eight stages for bodies in transformed time."""
@@ -282,7 +279,7 @@ class TransformedBodies(Form):
         "prepare": prepare,
         "elapsed": elapsed,
         "part": part,
-        "stretch": stretch,
+        "stretch": keep_coefficients,  # `part` makes those of each step that it tries
     }
 
     def coefficients(self, h: float, before: float) -> Array:

@@ -32,6 +32,7 @@ def begin_among_particles(method, model, t, h, state, storage):
     planets, room, own = storage.carry, storage.scratch, method.coefficients
     prepare_room(strength_of(model), planets, room)
     evaluate_kick(registers_of(method), model, int(own[0, KICK]), own[0, SHIFT], planets, room, storage.stages, 0)
+    tabulate_centres(strength_of(model), planets, room, storage.stages, 0)
 
 
 @kernel

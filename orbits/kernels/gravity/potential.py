@@ -1,7 +1,6 @@
 """The potential energy of a system to the last digit, so that a measured drift of the energy is one of the states.
 
-Numbers are pairs hi + lo of about 32 digits. Source: Dekker (1971), Numer. Math. 18, 224; Joldes, Muller & Popescu
-(2017), ACM TOMS 44, 15, algorithms 6 and 10.
+Numbers are pairs hi + lo of about 32 digits, see `orbits.kernels.sums.summation`.
 """
 
 from __future__ import annotations
@@ -9,27 +8,19 @@ from __future__ import annotations
 import math
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, exact_add, exact_mul, fma, full, lane, load, select, sqrt, unit
-from orbits.kernels.sums.summation import quick_two_sum, two_product, two_sum
+from orbits.kernels.lanes import WIDTH, full, lane, load, select, sqrt, unit
+from orbits.kernels.sums.summation import add_pairs, multiply_pairs, quick_two_sum, two_product, two_sum
 
 TOO_NEAR = 1e-290
 """Lower limit of a squared distance: 2^53 above the smallest float that can be split without loss."""
 
 
-@kernel(inline=True, exact=True)
-def add_pairs(a, a_lo, b, b_lo):
-    """Return (a, a_lo) + (b, b_lo)."""
-    s, e = two_sum(a, b)
-    t, f = two_sum(a_lo, b_lo)
-    v, w = quick_two_sum(s, exact_add(e, t))
-    return quick_two_sum(v, exact_add(f, w))
-
-
-@kernel(inline=True, exact=True)
-def multiply_pairs(a, a_lo, b, b_lo):
-    """Return (a, a_lo) (b, b_lo)."""
-    p, e = two_product(a, b)
-    return quick_two_sum(p, exact_add(e, fma(a, b_lo, exact_mul(a_lo, b))))
+@kernel(inline=True)
+def _add_square(r2, r2_lo, x, start, i):
+    """Return a pair with the square of the distances of coordinate i from those of eight bodies."""
+    d, e = two_sum(load(x, start), full(-x[i]))
+    s, s_lo = multiply_pairs(d, e, d, e)
+    return add_pairs(r2, r2_lo, s, s_lo)
 
 
 @kernel
@@ -46,15 +37,9 @@ def doubled_attraction(gm, q, softening2, softening2_lo):
         hi, lo = full(0.0), full(0.0)
         for start in range(i + 1, n, WIDTH):
             r2, r2_lo = full(softening2), full(softening2_lo)
-            d, e = two_sum(load(x, start), full(-x[i]))
-            s, s_lo = multiply_pairs(d, e, d, e)
-            r2, r2_lo = add_pairs(r2, r2_lo, s, s_lo)
-            d, e = two_sum(load(y, start), full(-y[i]))
-            s, s_lo = multiply_pairs(d, e, d, e)
-            r2, r2_lo = add_pairs(r2, r2_lo, s, s_lo)
-            d, e = two_sum(load(z, start), full(-z[i]))
-            s, s_lo = multiply_pairs(d, e, d, e)
-            r2, r2_lo = add_pairs(r2, r2_lo, s, s_lo)
+            r2, r2_lo = _add_square(r2, r2_lo, x, start, i)
+            r2, r2_lo = _add_square(r2, r2_lo, y, start, i)
+            r2, r2_lo = _add_square(r2, r2_lo, z, start, i)
             # 1/sqrt(r2): an estimate u and one correction, u + u (1 - r2 u^2) / 2.
             u = 1.0 / sqrt(r2)
             s, s_lo = two_product(u, u)

@@ -19,7 +19,7 @@ import math
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, exact_add, fma, full, load, sqrt, store
-from orbits.kernels.sums.summation import quick_two_sum, two_product, two_sum
+from orbits.kernels.sums.summation import add_pairs, multiply_pairs, quick_two_sum, two_product, two_sum
 
 TIME, TIME_LO, UNIT, SHARE, DONE, STEPS = range(6)
 """The clock: the time reached, in doubled precision; the unit of time of the last step, with the sign of the direction;
@@ -30,22 +30,6 @@ SERIES = 6
 
 REACHED, UNDER_WAY, MET, LOST = range(4)
 """All samples are done; the block is; bodies are so close that time stands still; the state is not finite."""
-
-
-@kernel(inline=True, exact=True)
-def add(a, a_lo, b, b_lo):
-    """Return the sum of two pairs (hi, lo)."""
-    s, e = two_sum(a, b)
-    t, f = two_sum(a_lo, b_lo)
-    s, e = quick_two_sum(s, exact_add(e, t))
-    return quick_two_sum(s, exact_add(e, f))
-
-
-@kernel(inline=True, exact=True)
-def multiply(a, a_lo, b, b_lo):
-    """Return the product of two pairs (hi, lo)."""
-    p, e = two_product(a, b)
-    return quick_two_sum(p, fma(a, b_lo, fma(a_lo, b, e)))
 
 
 @kernel(inline=True, exact=True)
@@ -75,7 +59,7 @@ def _reciprocal_root(x, x_lo):
     """Return x^(-1/2) as a pair, by an estimate and one step of Newton's method."""
     y = 1.0 / sqrt(x)
     t, t_lo = two_product(y, y)
-    t, t_lo = multiply(t, t_lo, x, x_lo)
+    t, t_lo = multiply_pairs(t, t_lo, x, x_lo)
     return quick_two_sum(y, 0.5 * y * ((1.0 - t) - t_lo))
 
 
@@ -106,7 +90,7 @@ def _separations(k, g, n, pairs, groups, body, body_lo, pair, pair_lo):
         row = (SERIES * k + c) * groups + g
         for lane in range(WIDTH):
             i, j = c * n + pairs[WIDTH * g + lane, 0], c * n + pairs[WIDTH * g + lane, 1]
-            x, x_lo = add(body[k, j], body_lo[k, j], -body[k, i], -body_lo[k, i])
+            x, x_lo = add_pairs(body[k, j], body_lo[k, j], -body[k, i], -body_lo[k, i])
             pair[row, lane], pair_lo[row, lane] = x, x_lo
 
 
@@ -131,9 +115,9 @@ def _square(k, g, groups, pair, pair_lo):
 def _power(k, g, groups, pair, pair_lo):
     """Return terms k of u^(-3/2) from those of u up to k, and from its own up to k - 1."""
     y, y_lo = _reciprocal_root(load(pair, 3 * groups + g), load(pair_lo, 3 * groups + g))
-    y2, y2_lo = multiply(y, y_lo, y, y_lo)
+    y2, y2_lo = multiply_pairs(y, y_lo, y, y_lo)
     if k == 0:
-        return multiply(y2, y2_lo, y, y_lo)
+        return multiply_pairs(y2, y2_lo, y, y_lo)
     w, w_lo, v, v_lo = full(0.0), full(0.0), full(0.0), full(0.0)
     for j in range(k):
         a, b = (SERIES * (k - j) + 3) * groups + g, (SERIES * j + 4) * groups + g
@@ -141,8 +125,8 @@ def _power(k, g, groups, pair, pair_lo):
         w, w_lo = add_multiple(w, w_lo, u, u_lo, load(pair, b), load(pair_lo, b))
         v, v_lo = add_multiple(v, v_lo, u, u_lo, load(pair, b + groups), load(pair_lo, b + groups))
     w, w_lo = scale(w, w_lo, full(-1.5 * k))
-    w, w_lo = add(w, w_lo, 0.5 * v, 0.5 * v_lo)
-    w, w_lo = multiply(w, w_lo, y2, y2_lo)
+    w, w_lo = add_pairs(w, w_lo, 0.5 * v, 0.5 * v_lo)
+    w, w_lo = multiply_pairs(w, w_lo, y2, y2_lo)
     return divide(w, w_lo, full(1.0 * k))
 
 
@@ -181,7 +165,7 @@ def expand(gm, pairs, shift, unit, body, body_lo, pair, pair_lo):
             _separations(k, g, n, pairs, groups, body, body_lo, pair, pair_lo)
             u, u_lo = _square(k, g, groups, pair, pair_lo)
             if k == 0:
-                u, u_lo = add(u, u_lo, load(shift, g), full(0.0))
+                u, u_lo = add_pairs(u, u_lo, load(shift, g), full(0.0))
             _put(pair, pair_lo, row + 3 * groups, u, u_lo)
             w, w_lo = _power(k, g, groups, pair, pair_lo)
             _put(pair, pair_lo, row + 4 * groups, w, w_lo)
@@ -203,12 +187,12 @@ def evaluate(body, body_lo, x, x_lo, unit, out):
         v, v_lo = scale(q, q_lo, full(terms - 1.0))
         for k in range(terms - 2, -1, -1):
             b, b_lo = load(body[k], m), load(body_lo[k], m)
-            q, q_lo = multiply(q, q_lo, x8, x8_lo)
-            q, q_lo = add(b, b_lo, q, q_lo)
+            q, q_lo = multiply_pairs(q, q_lo, x8, x8_lo)
+            q, q_lo = add_pairs(b, b_lo, q, q_lo)
             if k > 0:
-                v, v_lo = multiply(v, v_lo, x8, x8_lo)
+                v, v_lo = multiply_pairs(v, v_lo, x8, x8_lo)
                 b, b_lo = scale(b, b_lo, full(1.0 * k))
-                v, v_lo = add(b, b_lo, v, v_lo)
+                v, v_lo = add_pairs(b, b_lo, v, v_lo)
         store(out[0], m, q)
         store(out[1], m, q_lo)
         store(out[2], m, v / full(unit))

@@ -9,9 +9,9 @@ Array shapes and `strength` as in `orbits.kernels.gravity.pair_sums`.
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.gravity.potential import add_pairs, doubled_attraction, multiply_pairs
+from orbits.kernels.gravity.potential import doubled_attraction
 from orbits.kernels.lanes import WIDTH, get, put, rsqrt_cubed, sqrt
-from orbits.kernels.sums.summation import two_product
+from orbits.kernels.sums.summation import add_pairs, multiply_pairs, two_product
 
 
 @kernel

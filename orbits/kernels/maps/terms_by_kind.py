@@ -39,13 +39,18 @@ def strength_of(typingctx, model):
     return (own[0] if several else own)(model), codegen
 
 
+def is_of_positions(term):
+    """Return whether a term, by its Numba type, depends on positions alone."""
+    return kernel_of(term, "field") is not None
+
+
 def _summing(static):
     """Return a function that sums what `about` returns over terms of positions alone, or over all others."""
 
     @verb
     def summed(tags, strength, parameters, gm, r, w):
         about, last = kernel_of(tags.terms[0], "about"), len(tags.terms) == 1
-        if (kernel_of(tags.terms[0], "field") is not None) != static:
+        if is_of_positions(tags.terms[0]) != static:
             if last:
 
                 def nothing(tags, strength, parameters, gm, r, w):
@@ -77,7 +82,7 @@ def _has(model, static):
     if model == types.none or not isinstance(model.types[0], SumType):
         return False
     tag = model.types[0]
-    return any((kernel_of(term, "field") is not None) == static for term in tag.terms[1:])
+    return any(is_of_positions(term) == static for term in tag.terms[1:])
 
 
 def depends_on_positions(model):

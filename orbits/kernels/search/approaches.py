@@ -15,10 +15,10 @@ import math
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, lane, largest, load, maximum, minimum, select, sqrt, unit
 from orbits.kernels.search.apsides import apsides
-from orbits.kernels.search.context import flat, no_particles, watch_at
+from orbits.kernels.search.context import no_particles, watch_at
 from orbits.kernels.search.cubics import distance2_at
 from orbits.kernels.search.observers import call_enter, call_observer, call_search
-from orbits.kernels.search.paths import steps_between, steps_within
+from orbits.kernels.search.paths import eight_relative, steps_between, steps_within
 from orbits.kernels.search.record import DISTANCE2, DOMINANT, FAR, NEAR, OTHER, REACH, note_particle, note_rows
 
 FRACTION = 0.8
@@ -119,11 +119,7 @@ def search(context, track, h, steps, j, row, valid):
     The rows are massive bodies after j, or the particles whose states are in `track`.
     """
     watch = watch_at(context)
-    n, P, path, record, dominant = watch.bodies, watch.stride, watch.path, watch.record, watch.dominant
-    # The index of x of the rows, and the offsets of y and z, of the velocities and of the next step.
-    states, begin, spacing, half, stride = path, row, n, P, 2 * P
-    if row >= n:
-        states, begin, spacing, half, stride = flat(track), 0, WIDTH, 3 * WIDTH, 6 * WIDTH
+    n, record, dominant = watch.bodies, watch.record, watch.dominant
     reach = full(watch.reaches[j])
     if row < n:
         reach = maximum(load(watch.reaches, row), reach)
@@ -132,14 +128,7 @@ def search(context, track, h, steps, j, row, valid):
     k = last = 0
     before = x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
     while True:
-        a, c = 2 * k * P + j, begin + k * stride
-        b, d = a + P, c + half
-        x = load(states, c) - path[a]
-        y = load(states, c + spacing) - path[a + n]
-        z = load(states, c + 2 * spacing) - path[a + 2 * n]
-        u = load(states, d) - path[b]
-        v = load(states, d + spacing) - path[b + n]
-        w = load(states, d + 2 * spacing) - path[b + 2 * n]
+        x, y, z, u, v, w = eight_relative(watch, track, j, row, k)
         now = (x * u + y * v + z * w) * h
         turned = valid * (before < 0.0) * (now >= 0.0)
         if any_lane(turned):
@@ -175,11 +164,9 @@ def search(context, track, h, steps, j, row, valid):
         if watch.every != 0 and row < n:
             k += 1
             continue
-        b, d = b + 2 * P, d + stride
-        u = load(states, d) - path[b] - u
-        v = load(states, d + spacing) - path[b + n] - v
-        w = load(states, d + 2 * spacing) - path[b + 2 * n] - w
-        k += _steps_until(watch, valid, reach, (x, y, z), (u0, v0, w0), (u, v, w), h, k, steps)
+        _, _, _, u, v, w = eight_relative(watch, track, j, row, k + 1)
+        change = u - u0, v - v0, w - w0
+        k += _steps_until(watch, valid, reach, (x, y, z), (u0, v0, w0), change, h, k, steps)
 
 
 @kernel
@@ -199,7 +186,7 @@ def follow_row(context, h, steps, way, i):
     travels.
     """
     watch = watch_at(context)
-    n, path, reaches = watch.bodies, watch.path, watch.reaches
+    n, reaches = watch.bodies, watch.reaches
     closest = watch.record[DISTANCE2, OTHER]
     for start in range(i + 1, n, WIDTH):
         valid = full(1.0)
@@ -208,11 +195,7 @@ def follow_row(context, h, steps, way, i):
         if i != watch.dominant and not start <= watch.dominant < start + WIDTH:
             # Pairs that stay farther apart in this block than their closest approaches so far, and than their reaches,
             # are skipped: two bodies approach by at most twice the way, and (a + b)^2 <= 2 (a^2 + b^2).
-            x, y, z = (
-                load(path, start) - path[i],
-                load(path, n + start) - path[n + i],
-                load(path, 2 * n + start) - path[2 * n + i],
-            )
+            x, y, z, _, _, _ = eight_relative(watch, no_particles(), i, start, 0)
             reach = maximum(load(reaches, start), full(reaches[i]))
             known = maximum(maximum(load(closest, start), full(closest[i])), reach * reach)
             if not any_lane(valid * (x * x + y * y + z * z <= 2.0 * (known + 4.0 * way * way))):
@@ -255,7 +238,8 @@ def follow_particles(context, track, h, steps, start, stop):
     valid = valid * (load(track, 0) * 0.0 == 0.0)
     lowest, highest = full(0.0), full(MANY)
     if dominant >= 0:
-        lowest, highest = _apsides(watch, track)
+        orbit = apsides(watch.mu, *eight_relative(watch, track, dominant, n, 0))
+        lowest, highest = orbit.least, orbit.largest
     for j in range(n):
         if dominant >= 0 and j != dominant:
             reach = annuli[j, REACH]
@@ -265,13 +249,3 @@ def follow_particles(context, track, h, steps, start, stop):
         call_search(watch.search, context, track, h, steps, j, n + start, valid)
     call_observer(watch.then, context, track, h, steps, start, stop)
     call_observer(watch.collide, context, track, h, steps, start, stop)
-
-
-@kernel(inline=True)
-def _apsides(watch, track):
-    """Return the osculating pericentre and apocentre distances of eight particles about the dominant body."""
-    n, P, path, j = watch.bodies, watch.stride, watch.path, watch.dominant
-    x, y, z = load(track, 0) - path[j], load(track, 1) - path[n + j], load(track, 2) - path[2 * n + j]
-    u, v, w = load(track, 3) - path[P + j], load(track, 4) - path[P + n + j], load(track, 5) - path[P + 2 * n + j]
-    found = apsides(watch.mu, x, y, z, u, v, w)
-    return found.least, found.largest

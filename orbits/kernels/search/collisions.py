@@ -29,9 +29,9 @@ from orbits.kernels.lanes import (
     total,
     unit,
 )
-from orbits.kernels.search.context import flat, watch_at
+from orbits.kernels.search.context import watch_at
 from orbits.kernels.search.cubics import hermite
-from orbits.kernels.search.paths import relative, steps_between
+from orbits.kernels.search.paths import eight_relative, relative, steps_between
 
 SAFETY, UNSEEN = 0.75, 8.0 / 3.0
 """The bound of the error is s^2 (1 - s)^2 times SAFETY (|c_2| + |c_3|) + UNSEEN (|d_0| + |d_1|). SAFETY has half as
@@ -262,10 +262,7 @@ def _first_of_eight(context, track, h, found, j, row, valid, slack):
     for body j and the rows whose lane is 1 in `valid`; slack : see `fraction_of_contact`
     """
     watch = watch_at(context)
-    n, P, path, radii = watch.bodies, watch.stride, watch.path, watch.radii
-    states, begin, spacing, half, stride = path, row, n, P, 2 * P
-    if row >= n:
-        states, begin, spacing, half, stride = flat(track), 0, WIDTH, 3 * WIDTH, 6 * WIDTH
+    P, radii = watch.stride, watch.radii
     reach = full(radii[j]) + load(radii, row)
     valid = valid * (reach > 0.0)
     if not any_lane(valid):
@@ -273,12 +270,7 @@ def _first_of_eight(context, track, h, found, j, row, valid, slack):
     near = 2.0 * (reach + slack) * (reach + slack)
     x0 = y0 = z0 = u0 = v0 = w0 = full(0.0)
     for k in range(int(largest(found))):
-        a, c = 2 * k * P + j, begin + k * stride
-        b, d = a + P, c + half
-        x, y, z = load(states, c) - path[a], load(states, c + spacing) - path[a + n], load(states, c + 2 * spacing)
-        z = z - path[a + 2 * n]
-        u, v, w = load(states, d) - path[b], load(states, d + spacing) - path[b + n], load(states, d + 2 * spacing)
-        w = w - path[b + 2 * n]
+        x, y, z, u, v, w = eight_relative(watch, track, j, row, k)
         if k > 0:
             length = h * steps_between(watch, h, k - 1, k)
             third = length * length / 9.0
@@ -291,7 +283,7 @@ def _first_of_eight(context, track, h, found, j, row, valid, slack):
             close = valid * (x0 * x0 + y0 * y0 + z0 * z0 < near + 12.0 * way)
             if any_lane(close):
                 close = close * _near_the_chord(length, (x0, y0, z0, u0, v0, w0), (x, y, z, u, v, w), reach + slack)
-                field = watch.strength, path, 2 * (k - 1) * P, P
+                field = watch.strength, watch.path, 2 * (k - 1) * P, P
                 for i in range(WIDTH):
                     if lane(close, i) != 0.0 and k < lane(found, i):
                         first = relative(watch, track, row + i, j, k - 1)

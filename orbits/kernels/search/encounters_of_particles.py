@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import any_lane, fma, full, lane, load, maximum, minimum, sqrt
+from orbits.kernels.search.apsides import apsides
 
 HILL2, WAYS2 = 0, 1
 """Rows of `Rules.near`: (four Hill radii / distance from the dominant body)^2 of each body, and `ways`^2."""
@@ -131,12 +132,9 @@ def falls(rules, k, seen, margin):
     h2, angle2 = rules.h * rules.h, rules.angle * rules.angle * margin
     near = h2 * v2 > EARLY * EARLY * angle2 * r2
     if any_lane(near):
-        swept2 = squared(fma(y, w, -(z * v)), fma(z, u, -(x * w)), fma(x, v, -(y * u)))
-        parameter = swept2 / rules.mu
-        e2 = fma(-parameter, 2.0 / sqrt(r2) - v2 / rules.mu, full(1.0))
-        least = parameter / (1.0 + sqrt(maximum(e2, full(0.0))))
+        orbit = apsides(rules.mu, x, y, z, u, v, w)
         # v / r at the pericentre is swept / least^2.
-        near = near * (h2 * swept2 > angle2 * least * least * least * least)
+        near = near * (h2 * orbit.swept2 > angle2 * orbit.least * orbit.least * orbit.least * orbit.least)
     return near
 
 

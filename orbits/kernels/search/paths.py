@@ -67,6 +67,24 @@ def relative(watch, track, row, j, step):
 
 
 @kernel(inline=True)
+def eight_relative(watch, track, j, row, step):
+    """Return the same of the eight rows from `row` on, in lanes: massive bodies, or the particles of `track`."""
+    n, path, a = watch.bodies, watch.path, 2 * step * watch.stride + j
+    b = a + watch.stride
+    states, c, d, spacing = path, a - j + row, b - j + row, n
+    if row >= n:
+        states, c, d, spacing = flat(track), 6 * WIDTH * step, 6 * WIDTH * step + 3 * WIDTH, WIDTH
+    return (
+        load(states, c) - path[a],
+        load(states, c + spacing) - path[a + n],
+        load(states, c + 2 * spacing) - path[a + 2 * n],
+        load(states, d) - path[b],
+        load(states, d + spacing) - path[b + n],
+        load(states, d + 2 * spacing) - path[b + 2 * n],
+    )
+
+
+@kernel(inline=True)
 def record_carry(kicks, step, carry):
     """Write the carry of the bodies after a step into `kicks`, (steps, rows, 8)."""
     for row in range(carry.shape[0]):

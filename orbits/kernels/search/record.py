@@ -14,11 +14,11 @@ from __future__ import annotations
 import math
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, any_lane, lane, load
+from orbits.kernels.lanes import WIDTH, any_lane, lane
 from orbits.kernels.search.apsides import apsides
 from orbits.kernels.search.context import no_particles, watch_at
 from orbits.kernels.search.observers import call_enter
-from orbits.kernels.search.paths import least_distance, reading, relative, steps_between
+from orbits.kernels.search.paths import eight_relative, least_distance, reading, relative, steps_between
 
 DISTANCE2, TIME, SPEED2, PARTNER = 0, 1, 2, 3
 QUANTITIES = 4
@@ -157,12 +157,10 @@ def note_rows(context, start, stop):
     block begins.
     """
     watch = watch_at(context)
-    n, path, closest = watch.bodies, watch.path, watch.record[DISTANCE2, OTHER]
+    n, closest = watch.bodies, watch.record[DISTANCE2, OTHER]
     for i in range(start, stop):
         for first in range(0, n, WIDTH):
-            x = load(path, first) - path[i]
-            y = load(path, n + first) - path[n + i]
-            z = load(path, 2 * n + first) - path[2 * n + i]
+            x, y, z, _, _, _ = eight_relative(watch, no_particles(), i, first, 0)
             nearer = x * x + y * y + z * z < closest[i]
             if any_lane(nearer) or first <= watch.dominant < first + WIDTH:
                 for j in range(first, min(first + WIDTH, n)):

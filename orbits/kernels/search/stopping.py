@@ -20,8 +20,8 @@ from orbits.kernels.lanes import (
     store,
     unit,
 )
-from orbits.kernels.search.context import flat, watch_at
-from orbits.kernels.search.paths import least_distance, relative, steps_between, steps_within
+from orbits.kernels.search.context import watch_at
+from orbits.kernels.search.paths import eight_relative, least_distance, relative, steps_between, steps_within
 
 ANY, TINY, LONG = -1, 1e-300, 1e18
 CLOSER, FARTHER = 0, 1
@@ -95,18 +95,13 @@ def _first_of_eight(context, track, h, found, c, j, row, valid, fastest):
     fastest : the largest speeds of the rows in this block, in lanes, in the frame of `_speeds_of_bodies`
     """
     watch = watch_at(context)
-    n, P, path = watch.bodies, watch.stride, watch.path
-    states, begin, spacing, half, stride = path, row, n, P, 2 * P
-    if row >= n:
-        states, begin, spacing, half, stride = flat(track), 0, WIDTH, 3 * WIDTH, 6 * WIDTH
     bound2 = watch.stops[c, BOUND2]
     closer, bound = watch.stops[c, KIND] == CLOSER, math.sqrt(bound2)
     way = DETOUR * abs(h) * (fastest + watch.speeds[j]) + TINY
     k = 0
     while k < found - 1:
-        a, b = 2 * k * P + j, begin + k * stride
-        x, y = load(states, b) - path[a], load(states, b + spacing) - path[a + n]
-        z = load(states, b + 2 * spacing) - path[a + 2 * n]
+        first = eight_relative(watch, track, j, row, k)
+        x, y, z, _, _, _ = first
         gap = sqrt(x * x + y * y + z * z) - bound
         gap = maximum(gap, -gap)
         # The time, in steps of h, in which none of the pairs comes to the bound, by their ways at most.
@@ -114,20 +109,7 @@ def _first_of_eight(context, track, h, found, c, j, row, valid, fastest):
         if steps_between(watch, h, k, k + 1) <= ahead:
             k += steps_within(watch, h, k, found - 1, ahead)
             continue
-        c0, c1 = a + P, a + 2 * P
-        d, e = b + half, b + stride
-        first = (
-            x, y, z,
-            load(states, d) - path[c0], load(states, d + spacing) - path[c0 + n],
-            load(states, d + 2 * spacing) - path[c0 + 2 * n],
-        )  # fmt: skip
-        d, c0 = e + half, c1 + P
-        second = (
-            load(states, e) - path[c1], load(states, e + spacing) - path[c1 + n],
-            load(states, e + 2 * spacing) - path[c1 + 2 * n],
-            load(states, d) - path[c0], load(states, d + spacing) - path[c0 + n],
-            load(states, d + 2 * spacing) - path[c0 + 2 * n],
-        )  # fmt: skip
+        second = eight_relative(watch, track, j, row, k + 1)
         length = h * steps_between(watch, h, k, k + 1)
         close = valid * (1.0 - _stays_away(closer, bound2, length, first, second))
         k += 1

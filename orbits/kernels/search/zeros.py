@@ -7,6 +7,8 @@ end to the left; there is a bracket where it changes its sign, and where its slo
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH, any_lane, full, load, store
 
@@ -105,7 +107,6 @@ def _heights(numbers, weights, h, states, apart, a, b, n, room):
 def _values(kind, numbers, weights, h, states, apart, a, b, n, room):
     """Write q.v, or the squared distance less its bound, at all `PLACES` of a step into `room`.
 
-    weights : (2, stages, PLACES) of velocities and of positions, and (1, PLACES) fractions
     states : of the step; apart : see `_differences`
     """
     once, twice, checks = weights
@@ -148,33 +149,62 @@ def _stays_away(values, slopes, i, width):
     return meets / g > FAR and meets / values[i + 1] > FAR
 
 
+class Function(NamedTuple):
+    """What is sought, see `CLOSING`.
+
+    numbers : (4,), a direction n and a number c
+    wanted : (2,), whether zeros count at which the function falls from step to step, and rises
+    """
+
+    kind: Any
+    numbers: Any
+    wanted: Any
+
+
+class Weights(NamedTuple):
+    """Of the stages at all `PLACES`, (stages, PLACES), in velocities and in positions; and the fractions, (PLACES,)."""
+
+    once: Any
+    twice: Any
+    checks: Any
+
+
+class Recorded(NamedTuple):
+    """Recorded steps of so many bodies: see `orbits.kernels.dense.motion_within`."""
+
+    lengths: Any
+    path: Any
+    kicks: Any
+    bodies: Any
+
+
+class Room(NamedTuple):
+    """Workspace, (3, PLACES) and (3, stages)."""
+
+    values: Any
+    apart: Any
+
+
 @kernel
-def brackets_of_pairs(
-    kind, numbers, wanted, once, twice, checks, lengths, path, kicks, size, pairs, start, room, apart, first,
-    found, places
-):  # fmt: skip
+def brackets_of_pairs(function, weights, motion, pairs, start, first, room, found, places):
     """Write the brackets of zeros in recorded steps from number `first` on, while there is room for those of a step.
 
-    kind, numbers : of the function, (4,): a direction n and a number c
-    wanted : (2,), whether zeros count at which the function falls from step to step, and rises
-    once, twice : (stages, PLACES), the weights of the stages; checks : (PLACES,), the fractions
-    lengths, path, kicks : of the steps; see `orbits.kernels.dense.motion_within`; size : the number of bodies
-    pairs : (columns, 2), their numbers, -1 for the origin; start : whether the first step is that of a run
-    room : (3, PLACES), apart : (3, stages), workspace
+    pairs : (columns, 2), numbers of bodies, -1 for the origin; start : whether the first step is that of a run
     found : (many, 6), receives both checks, the function there, and its slopes
     places : (many, 3), receives the step, the column, and whether it is an extremum
 
     Returns the number of brackets, and that of the step at which to go on.
     """
-    count, weights = 0, (once, twice, checks)
-    computed, values, slopes = room[0], room[1], room[2]
+    (kind, numbers, wanted), (lengths, path, kicks, size), apart = function, motion, room.apart
+    count, checks = 0, weights.checks
+    computed, values, slopes = room.values[0], room.values[1], room.values[2]
     for k in range(first, len(lengths)):
         if count + (EDGES - 1) * len(pairs) > len(found):
             return count, k
         h, states, after = lengths[k], path[k], path[k + 1]
         for column in range(len(pairs)):
             a, b = pairs[column, 0], pairs[column, 1]
-            _differences(kicks[k], once.shape[0], a, b, size, apart)
+            _differences(kicks[k], weights.once.shape[0], a, b, size, apart)
             if kind == HEIGHT:
                 _heights(numbers, weights, h, states, apart, a, b, size, computed)
             else:

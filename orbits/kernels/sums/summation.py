@@ -1,7 +1,8 @@
 """Error-free transformations and compensated addition; float64 or `Lanes`.
 
 A number of doubled precision is an unevaluated pair (hi, lo) with |lo| at most half a unit in the last place of hi.
-Source: Dekker (1971); Knuth, The Art of Computer Programming 2, 4.2.2; Ogita, Rump & Oishi (2005).
+Source: Dekker (1971); Knuth, The Art of Computer Programming 2, 4.2.2; Ogita, Rump & Oishi (2005); Joldes, Muller &
+Popescu (2017), ACM TOMS 44, 15, algorithms 6 and 10.
 """
 
 from __future__ import annotations
@@ -30,6 +31,22 @@ def two_product(a, b):
     """Return (p, e) with p = fl(a b) and p + e = a b exactly, unless e underflows."""
     p = exact_mul(a, b)
     return p, fma(a, b, -p)
+
+
+@kernel(inline=True, exact=True)
+def add_pairs(a, a_lo, b, b_lo):
+    """Return (a, a_lo) + (b, b_lo)."""
+    s, e = two_sum(a, b)
+    t, f = two_sum(a_lo, b_lo)
+    s, e = quick_two_sum(s, exact_add(e, t))
+    return quick_two_sum(s, exact_add(e, f))
+
+
+@kernel(inline=True, exact=True)
+def multiply_pairs(a, a_lo, b, b_lo):
+    """Return (a, a_lo) (b, b_lo)."""
+    p, e = two_product(a, b)
+    return quick_two_sum(p, exact_add(e, fma(a, b_lo, exact_mul(a_lo, b))))
 
 
 @kernel(inline=True, exact=True)

@@ -36,33 +36,17 @@ SHORT = 2.5
 class Flow(NamedTuple):
     """A step of Kepler's flow and its derivative.
 
-    x ... vz : where it began
-    f, g, df, dg : f - 1, g, f' and g' - 1, with which q+ - q = (f - 1) q + g v and v+ - v = f' q + (g' - 1) v
-    fa, fb, fc ... hc : their derivatives by A, B and C
+    place, velocity : where it began, three numbers each
+    f, g, df, dg : f - 1, g, f' and g' - 1, with which q+ - q = (f - 1) q + g v and v+ - v = f' q + (g' - 1) v; each
+        with its derivatives by A, B and C
     """
 
-    x: Any
-    y: Any
-    z: Any
-    vx: Any
-    vy: Any
-    vz: Any
+    place: Any
+    velocity: Any
     f: Any
     g: Any
     df: Any
     dg: Any
-    fa: Any
-    fb: Any
-    fc: Any
-    ga: Any
-    gb: Any
-    gc: Any
-    ea: Any
-    eb: Any
-    ec: Any
-    ha: Any
-    hb: Any
-    hc: Any
 
 
 @kernel(inline=True)
@@ -89,11 +73,12 @@ def _six_functions(s, beta):
 
 
 @kernel(inline=True)
-def flow_of(x, y, z, vx, vy, vz, gm, dt, dx, dy, dz, dvx, dvy, dvz):
-    """Return the `Flow` of a step from (x ... vz) in the time dt, of which the increments (dx ... dvz) are known.
+def flow_of(place, velocity, gm, dt, moved, change):
+    """Return the `Flow` of a step in the time dt, of which the change of place, `moved`, and of velocity are known.
 
     gm : 0 where nothing attracts; the motion is then straight
     """
+    (x, y, z), (vx, vy, vz), (dx, dy, dz), (dvx, dvy, dvz) = place, velocity, moved, change
     there = gm > 0.0
     gm = select(there, gm, 1.0)
     r0 = sqrt(fma(x, x, fma(y, y, z * z)))
@@ -142,13 +127,24 @@ def flow_of(x, y, z, vx, vy, vz, gm, dt, dx, dy, dz, dvx, dvy, dvz):
     bent = -2.0 * pull * near
     zero = 0.0 * r0
     return Flow(
-        x, y, z, vx, vy, vz,
-        select(there, f, zero), select(there, g, dt), select(there, df, zero), select(there, dg, zero),
-        select(there, near * fma(bent, f2, f0), zero), select(there, f1, zero), select(there, -2.0 * f2, zero),
-        select(there, near * fma(bent, g2, g0), zero), select(there, g1, zero), select(there, -2.0 * g2, zero),
-        select(there, near * fma(bent, e2, e0), zero), select(there, e1, zero), select(there, -2.0 * e2, zero),
-        select(there, near * fma(bent, h2, h0), zero), select(there, h1, zero), select(there, -2.0 * h2, zero),
-    )  # fmt: skip
+        place,
+        velocity,
+        _where(there, zero, (f, near * fma(bent, f2, f0), f1, -2.0 * f2), zero),
+        _where(there, zero, (g, near * fma(bent, g2, g0), g1, -2.0 * g2), dt),
+        _where(there, zero, (df, near * fma(bent, e2, e0), e1, -2.0 * e2), zero),
+        _where(there, zero, (dg, near * fma(bent, h2, h0), h1, -2.0 * h2), zero),
+    )
+
+
+@kernel(inline=True)
+def _where(there, zero, four, straight):
+    """Return four numbers where something attracts, and those of a straight motion elsewhere."""
+    return (
+        select(there, four[0], straight),
+        select(there, four[1], zero),
+        select(there, four[2], zero),
+        select(there, four[3], zero),
+    )
 
 
 @kernel(inline=True)
@@ -157,19 +153,24 @@ def flow_change(flow, x, y, z, vx, vy, vz):
 
     flow : of `flow_of`, in float64 or `Lanes`; the difference may be `Lanes` of one step, or of eight
     """
-    A = fma(flow.x, x, fma(flow.y, y, flow.z * z))
-    B = fma(flow.x, vx, fma(flow.y, vy, flow.z * vz)) + fma(flow.vx, x, fma(flow.vy, y, flow.vz * z))
-    C = fma(flow.vx, vx, fma(flow.vy, vy, flow.vz * vz))
-    f, g = fma(flow.fa, A, fma(flow.fb, B, flow.fc * C)), fma(flow.ga, A, fma(flow.gb, B, flow.gc * C))
-    e, h = fma(flow.ea, A, fma(flow.eb, B, flow.ec * C)), fma(flow.ha, A, fma(flow.hb, B, flow.hc * C))
+    (qx, qy, qz), (ux, uy, uz) = flow.place, flow.velocity
+    A = fma(qx, x, fma(qy, y, qz * z))
+    B = fma(qx, vx, fma(qy, vy, qz * vz)) + fma(ux, x, fma(uy, y, uz * z))
+    C = fma(ux, vx, fma(uy, vy, uz * vz))
+    f, g, e, h = _along(flow.f, A, B, C), _along(flow.g, A, B, C), _along(flow.df, A, B, C), _along(flow.dg, A, B, C)
     return (
-        fma(flow.f, x, flow.g * vx) + fma(f, flow.x, g * flow.vx),
-        fma(flow.f, y, flow.g * vy) + fma(f, flow.y, g * flow.vy),
-        fma(flow.f, z, flow.g * vz) + fma(f, flow.z, g * flow.vz),
-        fma(flow.df, x, flow.dg * vx) + fma(e, flow.x, h * flow.vx),
-        fma(flow.df, y, flow.dg * vy) + fma(e, flow.y, h * flow.vy),
-        fma(flow.df, z, flow.dg * vz) + fma(e, flow.z, h * flow.vz),
+        fma(flow.f[0], x, flow.g[0] * vx) + fma(f, qx, g * ux),
+        fma(flow.f[0], y, flow.g[0] * vy) + fma(f, qy, g * uy),
+        fma(flow.f[0], z, flow.g[0] * vz) + fma(f, qz, g * uz),
+        fma(flow.df[0], x, flow.dg[0] * vx) + fma(e, qx, h * ux),
+        fma(flow.df[0], y, flow.dg[0] * vy) + fma(e, qy, h * uy),
+        fma(flow.df[0], z, flow.dg[0] * vz) + fma(e, qz, h * uz),
     )
+
+
+@kernel(inline=True)
+def _along(four, A, B, C):
+    return fma(four[1], A, fma(four[2], B, four[3] * C))
 
 
 @kernel(inline=True)
@@ -204,7 +205,7 @@ def flow_matrix(x, v, gm, dt, increments, out):
     x, v : (3,); increments : (6,), of the step
     """
     d = increments
-    flow = flow_of(x[0], x[1], x[2], v[0], v[1], v[2], gm, dt, d[0], d[1], d[2], d[3], d[4], d[5])
+    flow = flow_of((x[0], x[1], x[2]), (v[0], v[1], v[2]), gm, dt, (d[0], d[1], d[2]), (d[3], d[4], d[5]))
     for k in range(6):
         for i in range(6):
             out[i, k] = 1.0 if i == k else 0.0

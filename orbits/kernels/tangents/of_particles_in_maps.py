@@ -7,7 +7,8 @@ computed once: the `Flow` of the Kepler motion, and the derivative of the kick, 
     lazy       T(r' + s g) (1 + s T)
     modified   T + s T^2 + s D^2 g (g, .)
 
-The planets have no variations. Passages that the map cannot follow are noted on the way.
+The planets have no variations. Passages that the map cannot follow are noted on the way, by the rule by which others
+leave it (`orbits.kernels.search.encounters_of_particles`).
 
 Sources: those of `orbits.kernels.tangents.of_jacobi_kicks`.
 """
@@ -24,8 +25,6 @@ from orbits.kernels.lanes import (
     full,
     get,
     load,
-    maximum,
-    minimum,
     rsqrt_cubed,
     select,
     store,
@@ -35,6 +34,7 @@ from orbits.kernels.maps.jacobi_particles import (
     drifted_particles,
     interaction,
     kicked_particles,
+    seen_at,
     store_marched,
     take_particles,
     with_interaction,
@@ -42,19 +42,16 @@ from orbits.kernels.maps.jacobi_particles import (
 from orbits.kernels.maps.jacobi_tables import of_places, table_rows
 from orbits.kernels.maps.orbits import place_of, times
 from orbits.kernels.maps.programs import KICK, LAZY, MODIFIED, SHIFT, WHOLE
-from orbits.kernels.search.apsides import apsides
 from orbits.kernels.search.context import flat
-from orbits.kernels.search.cubics import hermite
+from orbits.kernels.search.encounters_of_particles import HILL2, Seen, falls, meets
 from orbits.kernels.steps import Model
 from orbits.kernels.tangents.growth import add_growth
 from orbits.kernels.tangents.of_kepler_flow import flow_change, flow_of
 
 NEAR, WHICH, SHARP = 0, 1, 2
-"""Rows of what is noted of eight particles: the step with the first passage near a planet, the number of that planet
-outwards, and the step with the first pericentre that is not resolved; infinite for none."""
+"""Rows of what is noted of eight particles: the step with the first passage near a planet, the number of that planet,
+and the step with the first pericentre that is not resolved; infinite for none."""
 
-PARTS = 8
-"""Parts of a step in which the distance from a planet is looked for."""
 
 class Matrix(NamedTuple):
     """The derivative of a kick, by rows."""
@@ -70,69 +67,73 @@ class Matrix(NamedTuple):
     zz: Any
 
 
-class Judged(NamedTuple):
-    """What passages are judged by.
-
-    path : (steps + 1, 2, padded), q and v of the bodies; order : (n,) int64, the dominant body and the planets outwards
-    reach : (n - 1,), the square of the distance from each planet within which the map cannot follow, over that of the
-        planet from the dominant body
-    turn : the largest angle of a step at a pericentre; found : (groups, 3, 8), see `NEAR`
+class Fans(NamedTuple):
+    """The vectors of particles, (groups, count, 6, 8), dr' and its velocity; their growth, (groups, count, 5, 8), see
+    `orbits.kernels.tangents.growth`; and the unit of time in which velocities count in their lengths.
     """
 
-    path: Any
-    order: Any
-    reach: Any
-    turn: Any
-    found: Any
+    vectors: Any
+    growth: Any
+    scale: Any
 
 
 @kernel
-def follow_particles(
-    tag, coefficients, strength, t, h, memory, stages, retired, rows, begun, steps, start, stop, scale,
-    vectors, growth, judged
-):  # fmt: skip
-    """March particles start ... stop - 1 by `steps` steps through the tables of the planets, and their vectors.
+def follow_particles(tag, strength, coefficients, h, begun, steps, storage, fans, rules, found):
+    """March particles by `steps` steps of h through the tables of the planets, and their vectors.
 
-    tag, strength : of Newton's gravity; memory, stages, rows : see `orbits.kernels.maps.jacobi_particles`
-    retired : (padded, 2) int64, those with another number than 0 rest
-    begun : the number of steps before
-    vectors : (groups, count, 6, 8), dr' and its velocity; growth : (groups, count, 5, 8), see
-        `orbits.kernels.tangents.growth`
+    tag, strength : of Newton's gravity; begun : the number of steps before
+    storage : the memory of the particles, the tables, and workspace, see `orbits.kernels.maps.jacobi_particles`; and
+        the share of the particles
+    rules : what passages are noted by, see `orbits.kernels.search.encounters_of_particles`
+    found : (groups, 3, 8), see `NEAR`
     """
     count, half, whole, shift = strength.shape[0] - 2, 0.5 * h, coefficients[0, WHOLE], coefficients[0, SHIFT]
     kick, after, model = int(coefficients[0, KICK]), table_rows(count), Model(tag, strength)
-    lazy = kick == LAZY
-    for p in range(start, stop, WIDTH):
+    lazy, stages, rows, stop = kick == LAZY, storage.stages, storage.scratch, storage.share.stop
+    for p in range(storage.share.start, stop, WIDTH):
         there = full(1.0)
         for j in range(WIDTH):
-            if p + j >= stop or retired[p + j, 0] != 0:
+            if p + j >= stop:
                 there = there - unit(j)
         group = p // WIDTH
-        marched = take_particles(memory, p, there, rows)
+        marched = take_particles(storage.carry, p, there, rows)
         marched = with_interaction(model, stages[0], 0, shift, lazy, marched, rows)
         matrix = kick_matrix(stages[0], 0, count, kick, shift, marched, rows)
+        seen = _seen(stages[0], 0, marched, rows)
         for k in range(steps):
             table, before = stages[k], marched
             marched, (ax, ay, az) = drifted_particles(before, whole, half)
             (kx, ky, kz), begun_at, now_at = times(half, before.g), before.orbits, marched.orbits
             flow = flow_of(
-                begun_at.x, begun_at.y, begun_at.z, begun_at.vx + kx, begun_at.vy + ky, begun_at.vz + kz,
-                before.gm, full(h),
-                (now_at.x - begun_at.x) + (now_at.x_lo - begun_at.x_lo),
-                (now_at.y - begun_at.y) + (now_at.y_lo - begun_at.y_lo),
-                (now_at.z - begun_at.z) + (now_at.z_lo - begun_at.z_lo),
-                ax - kx, ay - ky, az - kz,
-            )  # fmt: skip
+                place_of(begun_at),
+                (begun_at.vx + kx, begun_at.vy + ky, begun_at.vz + kz),
+                before.gm,
+                full(h),
+                (
+                    (now_at.x - begun_at.x) + (now_at.x_lo - begun_at.x_lo),
+                    (now_at.y - begun_at.y) + (now_at.y_lo - begun_at.y_lo),
+                    (now_at.z - begun_at.z) + (now_at.z_lo - begun_at.z_lo),
+                ),
+                (ax - kx, ay - ky, az - kz),
+            )
             g = interaction(model, table, after, shift, lazy, marched, rows)
             marched = kicked_particles(marched, (ax, ay, az), half, g)
             last = matrix
             matrix = kick_matrix(table, after, count, kick, shift, marched, rows)
-            now = abs(t) + k * abs(h)
-            for w in range(vectors.shape[1]):
-                _advance(flow, last, matrix, half, vectors[group, w])
-                _measure(now, abs(h), scale, vectors[group, w], growth[group, w])
-            _judge(table, count, h, (begun, k), (before, marched), judged, judged.found[group], rows)
-        store_marched(memory, p, marched, rows)
+            now = abs(h * begun) + k * abs(h)
+            for w in range(fans.vectors.shape[1]):
+                _advance(flow, last, matrix, half, fans.vectors[group, w])
+                _measure(now, abs(h), fans.scale, fans.vectors[group, w], fans.growth[group, w])
+            old, seen = seen, _seen(table, after, marched, rows)
+            _note(rules, 1.0 * (begun + k), k, old, seen, found[group])
+        store_marched(storage.carry, p, marched, rows)
+
+
+@kernel(inline=True)
+def _seen(table, first, marched, rows):
+    """Return particles as observers see them."""
+    x, y, z, _, _, _, vx, vy, vz, _, _, _ = seen_at(table, first, marched, rows)
+    return Seen(x, y, z, vx, vy, vz)
 
 
 @kernel(inline=True)
@@ -286,74 +287,16 @@ def _product(U, T, s, B):
 
 
 @kernel
-def _judge(table, count, h, when, ends, judged, found, rows):
-    """Note the first passage of each of eight particles near a planet, and the first pericentre that is not resolved,
-    if they are in a step.
+def _note(rules, step, k, before, after, found):
+    """Note the first passage of each of eight particles near a planet, and the first pericentre that is not resolved.
 
-    when : the number of steps before the block, and of the step in it; ends : the particles before and after the step
+    step, k : the number of the step, in the march and in the block; before, after : the particles at its ends
     """
-    (begun, k), (before, marched), line = when, ends, flat(table)
-    step, n, sun = 1.0 * (begun + k), judged.order.shape[0], judged.order[0]
-    there = marched.gm > 0.0
-    cx, cy, cz, _, _, _ = of_places(line, table_rows(count), 0, marched.number, marched.common, rows)
-    old, new = before.orbits, marched.orbits
-    begin, end = judged.path[k], judged.path[k + 1]
-    for j in range(count):
-        body = judged.order[1 + j]
-        px, py = end[0, body] - end[0, sun], end[0, n + body] - end[0, n + sun]
-        pz = end[0, 2 * n + body] - end[0, 2 * n + sun]
-        dx, dy, dz = px - (new.x + cx), py - (new.y + cy), pz - (new.z + cz)
-        vx = (end[1, body] - end[1, sun]) - new.vx
-        vy = (end[1, n + body] - end[1, n + sun]) - new.vy
-        vz = (end[1, 2 * n + body] - end[1, 2 * n + sun]) - new.vz
-        d2, v2 = fma(dx, dx, fma(dy, dy, dz * dz)), fma(vx, vx, fma(vy, vy, vz * vz))
-        limit = judged.reach[j] * (px * px + py * py + pz * pz)
-        # (a + b)^2 <= 2 (a^2 + b^2), for the reach and the way in a step, with half of that for its curvature
-        if any_lane((d2 < 2.0 * (limit + 2.25 * h * h * v2)) * there * (load(found, NEAR) > step)):
-            ax = (begin[0, body] - begin[0, sun]) - (old.x + cx)
-            ay = (begin[0, n + body] - begin[0, n + sun]) - (old.y + cy)
-            az = (begin[0, 2 * n + body] - begin[0, 2 * n + sun]) - (old.z + cz)
-            wx = (begin[1, body] - begin[1, sun]) - old.vx
-            wy = (begin[1, n + body] - begin[1, n + sun]) - old.vy
-            wz = (begin[1, 2 * n + body] - begin[1, 2 * n + sun]) - old.vz
-            least = _least((ax, ay, az), (h * wx, h * wy, h * wz), (dx, dy, dz), (h * vx, h * vy, h * vz))
-            first = (least < limit) * there * (load(found, NEAR) > step)
+    for j in range(rules.near.shape[1]):
+        if rules.near[HILL2, j] != 0.0:
+            near = meets(rules, k, j, before, 1.0, 1.0) + meets(rules, k + 1, j, after, -1.0, 1.0) > 0.0
+            first = near * (load(found, NEAR) > step)
             store(found, NEAR, select(first, full(step), load(found, NEAR)))
             store(found, WHICH, select(first, full(1.0 * j), load(found, WHICH)))
-    ahead = 1.0 if h > 0.0 else -1.0
-    inwards = fma(old.x, old.vx, fma(old.y, old.vy, old.z * old.vz))
-    outwards = fma(new.x, new.vx, fma(new.y, new.vy, new.z * new.vz))
-    passed = (ahead * inwards < 0.0) * (ahead * outwards >= 0.0) * there * (load(found, SHARP) > step)
-    if any_lane(passed):
-        sharp = passed * _is_sharp(h, judged.turn, marched)
-        store(found, SHARP, select(sharp, full(step), load(found, SHARP)))
-
-
-@kernel
-def _least(a, v, b, w):
-    """Return the square of the least distance from 0 on the cubic from a to b with the derivatives v and w there."""
-    x, y, z = a
-    least = fma(x, x, fma(y, y, z * z))
-    for k in range(1, PARTS + 1):
-        s = k / PARTS
-        ex, ey, ez = (
-            hermite(s, 1.0, a[0], v[0], b[0], w[0])[0],
-            hermite(s, 1.0, a[1], v[1], b[1], w[1])[0],
-            hermite(s, 1.0, a[2], v[2], b[2], w[2])[0],
-        )
-        dx, dy, dz = ex - x, ey - y, ez - z
-        share = -fma(x, dx, fma(y, dy, z * dz)) / fma(dx, dx, fma(dy, dy, dz * dz))
-        share = maximum(minimum(share, full(1.0)), full(0.0))
-        nx, ny, nz = fma(share, dx, x), fma(share, dy, y), fma(share, dz, z)
-        least = minimum(least, fma(nx, nx, fma(ny, ny, nz * nz)))
-        x, y, z = ex, ey, ez
-    return least
-
-
-@kernel
-def _is_sharp(h, turn, marched):
-    """Return 1 where a step turns a particle by more than `turn` at the pericentre of its orbit."""
-    at = marched.orbits
-    orbit = apsides(marched.gm, at.x, at.y, at.z, at.vx, at.vy, at.vz)
-    angle = turn * orbit.least * orbit.least
-    return h * h * orbit.swept2 >= angle * angle  # also of a radial orbit
+    sharp = falls(rules, k, before, 1.0) + falls(rules, k + 1, after, 1.0) > 0.0
+    store(found, SHARP, select(sharp * (load(found, SHARP) > step), full(step), load(found, SHARP)))

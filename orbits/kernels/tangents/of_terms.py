@@ -16,13 +16,13 @@ are solved as the flow is, by iteration: with two sweeps where momenta differ li
 
 from __future__ import annotations
 
-from orbits.kernels.binding import kernel_of, other_terms
+from orbits.kernels.binding import adding, other_terms
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import fma, full, load, store
 from orbits.kernels.maps.layout import RATE, SHARE, constant, coordinate
 from orbits.kernels.maps.programs import LAZY
-from orbits.kernels.maps.terms_by_kind import depends_on_positions, depends_on_velocities
+from orbits.kernels.maps.terms_by_kind import depends_on_positions, depends_on_velocities, is_of_positions
 from orbits.kernels.maps.terms_of_dominant import MORE, QUICK, WEAK
 from orbits.kernels.tangents.vector_parts import ALONG, HERE, MOVED, add_from_places, add_three, to_places
 
@@ -33,33 +33,8 @@ BENDS, PAIR_NUMBERS = 27, 3 * PAIR * PAIR + 2 * PAIR
 """Numbers of the second derivatives of a planet; and of the workspace: those of a pair, its places and velocities."""
 
 
-def _bending(static):
-    """Return a function that adds the second derivatives of terms of positions alone, or of all others."""
-
-    @verb
-    def bent(tags, strength, parameters, q, v, out):
-        compiled, last = kernel_of(tags.terms[0], "hessians"), len(tags.terms) == 1
-        mine = (kernel_of(tags.terms[0], "field") is not None) == static
-        if last and mine:
-            return lambda tags, strength, parameters, q, v, out: compiled(strength, parameters[0], 0.0, q, v, out)
-        if last:
-            return lambda tags, strength, parameters, q, v, out: None
-        if not mine:
-            return lambda tags, strength, parameters, q, v, out: bent(
-                other_terms(tags), strength, parameters[1:], q, v, out
-            )
-
-        def these(tags, strength, parameters, q, v, out):
-            compiled(strength, parameters[0], 0.0, q, v, out)
-            bent(other_terms(tags), strength, parameters[1:], q, v, out)
-
-        return these
-
-    return bent
-
-
-_bends_of_kicks = _bending(True)
-_bends_of_flows = _bending(False)
+_bends_of_kicks = adding("hessians", optional=True, only=is_of_positions)
+_bends_of_flows = adding("hessians", optional=True, only=lambda term: not is_of_positions(term))
 
 
 @kernel(inline=True)
@@ -88,7 +63,7 @@ def _place_kick(tags, pair, room, which):
         for k in range(3):
             q[2 * k], q[2 * k + 1], v[2 * k], v[2 * k + 1] = 0.0, room.places[which, i, 3 + k], 0.0, 0.0
         _clear(curvature)
-        _bends_of_kicks(tags, strength, pair[1:], q, v, curvature)
+        _bends_of_kicks(tags, strength, pair[1:], 0.0, q, v, curvature)
         _keep(curvature, room.mass[i], room.bends[which, i])
 
 
@@ -162,7 +137,7 @@ def _place_flow(tags, pair, half, known, room):
         bu, bv, bw = bu + share * u, bv + share * s, bw + share * w
         strength[2] = room.mass[i]
         _clear(curvature)
-        _bends_of_flows(tags, strength, pair[1:], q, v, curvature)
+        _bends_of_flows(tags, strength, pair[1:], 0.0, q, v, curvature)
         _keep(curvature, room.mass[i], room.bends[ALONG, i])
     return strong
 

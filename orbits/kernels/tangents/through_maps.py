@@ -41,7 +41,7 @@ from orbits.kernels.maps.programs import (
 from orbits.kernels.maps.stages import enter_coordinates, is_heliocentric, leave_coordinates, prepare, take
 from orbits.kernels.maps.terms_by_kind import strength_of
 from orbits.kernels.maps.terms_of_dominant import change_variables
-from orbits.kernels.steps import Method, Model, Share, State, Storage, begin, step
+from orbits.kernels.steps import Method, Model, begin, step
 from orbits.kernels.sums.summation import add_product
 from orbits.kernels.tangents.of_heliocentric_kicks import (
     from_heliocentric,
@@ -55,7 +55,7 @@ from orbits.kernels.tangents.of_terms import flow_vectors, momenta_of_vectors, p
 from orbits.kernels.tangents.through_stages import measure
 from orbits.kernels.tangents.vector_parts import add_three
 
-NUMBERS_OF_A_FLOW = 22
+NUMBERS_OF_A_FLOW = 3 + 3 + 4 * 4
 """Numbers of a `Flow`."""
 
 UNKNOWN, EVALUATED, CHANGED = 0, 1, 2
@@ -91,18 +91,15 @@ class VectorRoom(NamedTuple):
 
 
 @kernel
-def follow_map(
-    form, coefficients, tag, parameters, t, h, q, q_lo, p, p_lo, carry, scratch, stages, steps, scale, vectors, growth,
-    room,
-):  # fmt: skip
+def follow_map(form, coefficients, tag, parameters, t, h, state, storage, steps, scale, fan, room):
     """March the map by `steps` steps from time t, and tangent vectors with it.
 
+    form, coefficients, tag, parameters : of the method and of the Lagrangian; see `orbits.kernels.steps`
     scale : the unit of time in which velocities count in |x|
-    vectors : (groups, 4, 3 (n + 1), 8); growth : (groups, 5, 8), see `orbits.kernels.tangents.growth`, or none
-    The other arguments are those of `orbits.marching.stepping.driver.march`.
+    fan : vectors (groups, 4, 3 (n + 1), 8), no kicks, and their growth; see `orbits.kernels.tangents.through_stages`
     """
-    method, model, state = Method(form, coefficients), Model(tag, parameters), State(q, q_lo, p, p_lo)
-    storage = Storage(carry, scratch, stages, Share(0, 3 * (strength_of(model).shape[0] - 1), None))
+    method, model, carry, scratch = Method(form, coefficients), Model(tag, parameters), storage.carry, storage.scratch
+    vectors, kicks, growth = fan
     begin(method, model, t, h, state, storage)
     _, program = programs_of(coefficients)
     last = program.shape[0] - 1
@@ -121,18 +118,18 @@ def follow_map(
             copy_rows(carry, room.planets)
         if growth.shape[0]:
             for group in range(vectors.shape[0]):
-                measure(abs(t) + k * abs(h), abs(h), scale, vectors[group], room.pull[:0], growth[group])
+                measure(abs(t) + k * abs(h), abs(h), scale, vectors[group], kicks[group], growth[group])
 
 
 @kernel
-def enter_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, vectors, room):
+def enter_with_vectors(form, coefficients, tag, parameters, state, carry, vectors, room):
     """Change to what is marched, with the vectors, (groups, 4, 3 (n + 1), 8): from the order of the bodies to that of
     the map, with the centre of mass at the end.
     """
     method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
     strength = strength_of(model)
     copy_rows(carry, planets)
-    enter_coordinates(method, strength, q, q_lo, p, p_lo, planets, room.scratch)
+    enter_coordinates(method, strength, state.q, state.q_lo, state.p, state.p_lo, planets, room.scratch)
     _keep_masses(method, strength, room)
     for group in range(vectors.shape[0]):
         _to_coordinates(method, strength, vectors[group], room)
@@ -145,7 +142,7 @@ def enter_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, ca
 
 
 @kernel
-def leave_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, carry, vectors, room):
+def leave_with_vectors(form, coefficients, tag, parameters, state, carry, vectors, room):
     """Undo `enter_with_vectors`; what is marched is lost."""
     method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
     strength, (entry, _) = strength_of(model), programs_of(coefficients)
@@ -156,7 +153,7 @@ def leave_with_vectors(form, coefficients, tag, parameters, q, q_lo, p, p_lo, ca
         _take(method, model, int(entry[row, KIND]), -entry[row, LENGTH], UNKNOWN, vectors, room)
     change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, 1.0)
     velocities_of_vectors(model, vectors, room)
-    leave_coordinates(method, strength, planets, room.scratch, q, q_lo, p, p_lo)
+    leave_coordinates(method, strength, planets, room.scratch, state.q, state.q_lo, state.p, state.p_lo)
     for group in range(vectors.shape[0]):
         _from_coordinates(method, strength, vectors[group], room)
 
@@ -248,26 +245,33 @@ def drift_with_flows(planets, gm, h, flows):
         (x, y, z), (vx, vy, vz) = place_of(orbits), velocity_of(orbits)
         dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, about, full(h))
         write_orbits(own, kicked(displaced(orbits, (dx, dy, dz)), (dvx, dvy, dvz)))
-        flow = flow_of(x, y, z, vx, vy, vz, about, full(h), dx, dy, dz, dvx, dvy, dvz)
-        store_three(rows, 0, (flow.x, flow.y, flow.z))
-        store_three(rows, 3, (flow.vx, flow.vy, flow.vz))
-        store_three(rows, 6, (flow.f, flow.g, flow.df))
-        store_three(rows, 9, (flow.dg, flow.fa, flow.fb))
-        store_three(rows, 12, (flow.fc, flow.ga, flow.gb))
-        store_three(rows, 15, (flow.gc, flow.ea, flow.eb))
-        store_three(rows, 18, (flow.ec, flow.ha, flow.hb))
-        store(rows, 21, flow.hc)
+        flow = flow_of((x, y, z), (vx, vy, vz), about, full(h), (dx, dy, dz), (dvx, dvy, dvz))
+        store_three(rows, 0, flow.place)
+        store_three(rows, 3, flow.velocity)
+        _store_four(rows, 6, flow.f)
+        _store_four(rows, 10, flow.g)
+        _store_four(rows, 14, flow.df)
+        _store_four(rows, 18, flow.dg)
     move_centre(planets, h)
+
+
+@kernel(inline=True)
+def _store_four(rows, first, values):
+    store_three(rows, first, values)
+    store(rows, first + 3, values[3])
 
 
 @kernel(inline=True)
 def _flow_at(flows, i):
     """Return the `Flow` of planet i."""
     f, k = flows[i // WIDTH], i % WIDTH
-    return Flow(
-        f[0, k], f[1, k], f[2, k], f[3, k], f[4, k], f[5, k], f[6, k], f[7, k], f[8, k], f[9, k], f[10, k],
-        f[11, k], f[12, k], f[13, k], f[14, k], f[15, k], f[16, k], f[17, k], f[18, k], f[19, k], f[20, k], f[21, k],
-    )  # fmt: skip
+    place, velocity = (f[0, k], f[1, k], f[2, k]), (f[3, k], f[4, k], f[5, k])
+    return Flow(place, velocity, _four(f, 6, k), _four(f, 10, k), _four(f, 14, k), _four(f, 18, k))
+
+
+@kernel(inline=True)
+def _four(rows, first, k):
+    return rows[first, k], rows[first + 1, k], rows[first + 2, k], rows[first + 3, k]
 
 
 @kernel

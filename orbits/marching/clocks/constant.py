@@ -301,7 +301,7 @@ class GridTimes(StepTimes):
         """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
         times = np.zeros((self._count + 1, 2))
         times[0, 0] = self.at(self.step - self._count)
-        times_reached(self.lengths(), times)
+        times_reached(self.lengths(), np.zeros(self._count), times)
         return times
 
     def steps_in_block(self, readings: Array) -> NDArray[np.int64]:

@@ -30,7 +30,6 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import BEYOND, NOT_CONVERGED, OK, TOO_SHORT, elapsed, part, prepare, step
 from orbits.kernels.sums.summation import two_sum
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
-from orbits.marching.clocks.step_times import Places
 from orbits.marching.clocks.variable_steps import (
     DIRECTION,
     EXACT,
@@ -85,7 +84,7 @@ def take_step(clock, method, model, k, state, storage):
     time, lost = two_sum(numbers[TIME], dt)
     numbers[TIME], numbers[TIME_LO] = two_sum(time, lost + (dt_lo + numbers[TIME_LO]))
     numbers[NEXT], numbers[LENGTH] = numbers[TIME], dt
-    room[k + 1], room[kept // 3 + k] = room[k] + dt, dt
+    room[k + 1], room[kept // 3 + k], room[2 * (kept // 3) + k] = room[k] + dt, dt, dt_lo
     return OK, 0, evaluations
 
 
@@ -221,11 +220,19 @@ class TimeTransformed(ChangingSteps):
 
 
 class TransformedTimes(ChosenTimes):
-    """When steps of transformed time are. Their lengths are known rounded, their ends where the leg is."""
+    """When steps of transformed time are, whose lengths come out in doubled precision."""
 
-    def led_to(self, places: Places, steps: int) -> int:
-        """Return 1: a block ends before each sample."""
-        return 1
+    _low = np.zeros(0)
+
+    def note(self, count: int, numbers: Array) -> None:
+        """Take note of a block of `count` steps, and of its lengths with their low parts."""
+        super().note(count, numbers)
+        first = 2 * (self._block + 1)
+        self._low = self._room[first : first + count].copy()
+
+    def _lows(self) -> Array:
+        """Return the low parts of the lengths of the steps of the last block."""
+        return self._low[: len(self._lengths)]
 
 
 def rounding_amplified(strength: Array, q: Array, v: Array) -> Array:

@@ -233,8 +233,12 @@ class ChosenTimes(StepTimes):
     def pairs(self) -> Array:
         """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
         times = np.full((len(self._lengths) + 1, 2), self._begun)
-        times_reached(self._lengths, times)
+        times_reached(self._lengths, self._lows(), times)
         return times
+
+    def _lows(self) -> Array:
+        """Return the low parts of the lengths of the steps of the last block: they are as the clock chose them."""
+        return np.zeros(len(self._lengths))
 
     def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
         """Return the steps of the block just marched in which times lie, counted from 0."""

@@ -71,23 +71,7 @@ class Leg(MarchOfSameBodies):
         state["approaches"] = empty_record(len(problem.gm), problem.approaches)
         sees_dominant = surfaces is not None and self.way.pericentres and bool(surfaces[int(gm.argmax())])
         limits = limits_of(problem.integrator, self.clock, sees_dominant)
-        self.observers = Observers(
-            problem.strength,
-            problem.bodies,
-            problem.particles,
-            state["q"],
-            state["v"],
-            problem.ends.stops,
-            *limits,
-            loops.times,
-            len(loops.tasks),
-            problem.ends.radii,
-            problem.integrator.follows_kepler,
-            order=problem.integrator.order,
-            notes_nearest=form.notes_nearest(3 * len(gm)) and not problem.approaches,
-            whole_path=problem.sees_all_steps,
-        )
-        self.observers.given = form.held(problem.parameters) == len(gm)
+        self.observers = Observers(problem, form, state, loops.times, len(loops.tasks), limits)
         passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
         self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
         self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
-from orbits.kernels.dense import partial_steps
+from orbits.kernels.dense import Parts, partial_steps
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import OK
+from orbits.kernels.steps import OK, Share, State, Storage
 from orbits.marching.stepping.alignment import aligned
 
 
@@ -32,9 +32,11 @@ class PartialSteps:
         self._stretches = "stretch" in form.own_kernels()
         self.unit = coefficients_of(form, 1.0)
         self._own = form.coefficients(1.0, 1.0) if self._stretches else self.unit
-        shapes = (4, padded(self.size)), (form.carry_rows(self.size), WIDTH), form.scratch_shape(self.size)
+        shapes = (form.carry_rows(self.size), WIDTH), form.scratch_shape(self.size), form.stages_shape(self.size)
         self.weights: dict[bytes, tuple[Array, Array]] = {}
-        self._room = aligned(*shapes, form.stages_shape(self.size))
+        self._state = State(*aligned(*[(padded(self.size),)] * 4))
+        carry, scratch, stages = aligned(*shapes)
+        self._storage = Storage(carry, scratch, stages, Share(0, self.size, None))
 
     def take(
         self,
@@ -54,18 +56,19 @@ class PartialSteps:
 
         Raises an IntegrationError if a partial step fails.
         """
-        known = self._room[1][None][:0] if carries is None else carries
+        known = self._storage.carry[None][:0] if carries is None else carries
         if self._stretches:
-            self._run(self._own, self.unit, path, starts, times, parts, missing, q, v, known)
+            self._run(self._own, self.unit, path, Parts(starts, times, parts, missing), q, v, known)
             return
         for k in np.flatnonzero(missing):  # a method whose coefficients are made in Python, for each length
             one = slice(k, k + 1)
             own = self._form.coefficients(parts[k], parts[k]) if parts[k] else self.unit
-            self._run(own, own, path, starts[one], times[one], parts[one], missing[one], q[one], v[one], known[one])
+            which = Parts(starts[one], times[one], parts[one], missing[one])
+            self._run(own, own, path, which, q[one], v[one], known[one])
 
-    def _run(self, own: Any, unit: Any, path: Array, starts: NDArray[np.int64], times: Array, *rest: Any) -> None:
+    def _run(self, own: Any, unit: Any, path: Array, parts: Parts, q: Array, v: Array, known: Array) -> None:
         failed, status = partial_steps(
-            self._form.tag, own, unit, self._tag, self._vectors, path, starts, times, *rest, *self._room
+            self._form.tag, own, unit, self._tag, self._vectors, path, parts, q, v, known, self._state, self._storage
         )
         if status != OK:
-            raise self._failure(status, float(times[failed]))
+            raise self._failure(status, float(parts.times[failed]))

@@ -15,6 +15,7 @@ from orbits.integrators.maps.dominant import registers_for
 from orbits.integrators.maps.on_kepler_orbits import OnKeplerOrbits
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.layout import STATE_ROWS
+from orbits.kernels.steps import Share, State, Storage
 from orbits.kernels.tangents.of_terms import BENDS, PAIR_NUMBERS
 from orbits.kernels.tangents.through_maps import (
     NUMBERS_OF_A_FLOW,
@@ -23,6 +24,7 @@ from orbits.kernels.tangents.through_maps import (
     follow_map,
     leave_with_vectors,
 )
+from orbits.kernels.tangents.through_stages import Fan
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.stepping.alignment import aligned
@@ -117,8 +119,8 @@ class MapTangents(InLanes):
             )
         )
         self._state["q"][: 3 * n], self._state["v"][: 3 * n] = q.T.ravel(), v.T.ravel()
-        self._vectors, self._growth = aligned(
-            (groups, 4, 3 * n, WIDTH), (0 if scale is None else groups, 5, WIDTH)
+        self._vectors, self._growth, self._no_kicks = aligned(
+            (groups, 4, 3 * n, WIDTH), (0 if scale is None else groups, 5, WIDTH), (groups, 0, WIDTH)
         )
         wide = (rows, WIDTH)
         carry = self._state["carry"].shape
@@ -144,11 +146,11 @@ class MapTangents(InLanes):
         carry, planets = self._state["carry"], STATE_ROWS * registers_for(3 * len(self._gm))
 
         def march(count: int) -> bool:
-            state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry", "scratch", "stages")]
+            storage = Storage(carry, self._state["scratch"], self._state["stages"], Share(0, 3 * len(self._gm), None))
+            fan = Fan(self._vectors, self._no_kicks, self._growth)
             follow_map(
                 self._form.tag, coefficients_of(self._form, self._h), self._lagrangian.tag, self._parameters,
-                self._h * self._steps, self._h, *state, count, self._scale, self._vectors,
-                self._growth, self._room,
+                self._h * self._steps, self._h, self._seen(), storage, count, self._scale, fan, self._room,
             )  # fmt: skip
             self._steps += count
             return bool(np.isfinite(carry[:planets]).all())
@@ -189,11 +191,14 @@ class MapTangents(InLanes):
 
     def _change(self, kernel: Any, h: float) -> None:
         """Change the variables of state and vectors, by `enter_with_vectors` or its inverse for steps of h."""
-        state = [self._state[name] for name in ("q", "q_lo", "v", "v_lo", "carry")]
         kernel(
-            self._form.tag, coefficients_of(self._form, h), self._lagrangian.tag, self._parameters, *state,
-            self._vectors, self._room,
+            self._form.tag, coefficients_of(self._form, h), self._lagrangian.tag, self._parameters, self._seen(),
+            self._state["carry"], self._vectors, self._room,
         )  # fmt: skip
+
+    def _seen(self) -> State:
+        """Return the arrays of the state that is seen."""
+        return State(*(self._state[name] for name in ("q", "q_lo", "v", "v_lo")))
 
     def state(self) -> tuple[Array, Array]:
         """Return q and v, (n, 3), of what `seen` returned, rounded to float64."""

@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
-from orbits.integrators.maps.jacobi_form import KeplerSplitting, outwards
+from orbits.integrators.maps.jacobi_form import KeplerSplitting
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.search.encounters_of_particles import HILL2, Rules
+from orbits.kernels.steps import Share, Storage
 from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
-from orbits.kernels.tangents.of_particles_in_maps import NEAR, SHARP, WHICH, Judged, follow_particles
+from orbits.kernels.tangents.of_particles_in_maps import NEAR, SHARP, WHICH, Fans, follow_particles
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
@@ -88,10 +90,11 @@ class ParticleTangents(BoundLoops):
         lengths = np.sum((vectors * np.array([1.0, scale])[:, None]) ** 2, axis=(1, 2))
         self._growth[:, :, SQUARE] = lengths[:, None]
         self._found = np.full((groups, 3, WIDTH), np.inf)
-        self._path, self._gone = np.zeros((0, 2, padded(3 * n))), np.zeros((padded(m), 2), dtype=np.int64)
-        gm = self._strength[1:]
-        self._order = np.array(outwards(gm, q, v), dtype=np.int64)
-        self._reach = HILL_RADII**2 * (gm[self._order[1:]] / (3.0 * gm[self._order[0]])) ** (2.0 / 3.0)
+        self._path, gm = np.zeros((0, 2, padded(3 * n))), self._strength[1:]
+        self._sun = int(gm.argmax())
+        self._near = np.zeros((2, n))
+        self._near[HILL2] = (HILL_RADII * np.cbrt(gm / (3.0 * gm[self._sun]))) ** 2
+        self._near[HILL2, self._sun] = 0.0
         self._m = m
 
     @property
@@ -119,15 +122,18 @@ class ParticleTangents(BoundLoops):
 
     def _follow(self, count: int) -> None:
         """March the particles through the `count` steps that the bodies have just taken, with their vectors."""
-        judged = Judged(self._path, self._order, self._reach, self._turn, self._found)
+        sun, gm, memory = self._sun, self._strength[1:], self.state["particle_memory"]
+        rules = Rules(
+            self._near, np.zeros((3, 0)), self._path.reshape(-1), padded(3 * self._n), sun, float(gm[sun]),
+            self._h, self._turn,
+        )  # fmt: skip
+        fans = Fans(self._fans, self._growth, self._scale)
 
         def share(start: int, stop: int) -> None:
-            scratch = aligned(self.scratch.shape)[0]
+            storage = Storage(memory, aligned(self.scratch.shape)[0], self._stages, Share(start, stop, None))
             follow_particles(
-                self._tag, self._usual, self._strength, self.time, self._h, self.state["particle_memory"], self._stages,
-                self._gone, scratch, self._done, count, start, stop, self._scale,
-                self._fans, self._growth, judged,
-            )  # fmt: skip
+                self._tag, self._strength, self._usual, self._h, self._done, count, storage, fans, rules, self._found
+            )
 
         self._helpers.each(share, self._shares)
 
@@ -149,7 +155,7 @@ class ParticleTangents(BoundLoops):
         near, which, sharp = (self._found[:, row].ravel()[: self._m] for row in (NEAR, WHICH, SHARP))
         seen = np.isfinite(near)
         planet = np.full(self._m, -1)
-        planet[seen] = self._order[1:][which[seen].astype(int)]
+        planet[seen] = which[seen].astype(int)
         return Passages(
             np.where(seen, self._h * near, np.nan), planet, np.where(np.isfinite(sharp), self._h * sharp, np.nan)
         )

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.integrators.base import Integrator
-from orbits.integrators.forms import Array, padded
+from orbits.integrators.forms import Array, Form, padded
 from orbits.integrators.maps.dominant import DOMINANT
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.nearest import closest_in
@@ -47,6 +47,7 @@ USUAL = 30.0
 
 
 if TYPE_CHECKING:
+    from orbits.marching.legs.problem import Problem
     from orbits.marching.stepping.parallel import Parallel
 
 
@@ -96,16 +97,10 @@ def empty_record(rows: int, wanted: bool = True) -> Array:
 class Observers:
     """What may end the march of one bound system, and its closest approaches.
 
-    parameters : vector of the Lagrangian's kernels; gm from its second element on
-    massive, particles : indices of the bodies in the order of the caller
-    q, v : vectors of the massive bodies at the start
-    stops, radii : see `Leg`
-    passage_angle, least_eccentricity, pericentre_angle, times : see `orbits.kernels.search.context`
+    problem : what is marched; form : of the method; state : its arrays at the start
+    times : those of the steps of a block, see `orbits.kernels.search.context`
     tasks : the number of tasks that march particles at the same time
-    on_kepler_orbits : whether the steps are on Kepler orbits about the dominant body
-    order : of the method, for what is looked for between the ends of steps
-    notes_nearest : see `Form.notes_nearest`
-    whole_path : whether all states of a block are needed in its path in any case
+    limits : what passages are listed, see `limits_of`
 
     contexts, lists : of the massive bodies, then of each task
     sees_path : whether all states of the next block are to be recorded
@@ -115,27 +110,22 @@ class Observers:
 
     def __init__(
         self,
-        parameters: Array,
-        massive: NDArray[np.intp],
-        particles: NDArray[np.intp],
-        q: Array,
-        v: Array,
-        stops: Array | None,
-        passage_angle: float,
-        least_eccentricity: float,
-        pericentre_angle: float,
+        problem: Problem,
+        form: Form,
+        state: Mapping[str, Array],
         times: Array,
-        tasks: int = 0,
-        radii: Array | None = None,
-        on_kepler_orbits: bool = False,
-        order: int = 8,
-        notes_nearest: bool = False,
-        whole_path: bool = True,
+        tasks: int,
+        limits: tuple[float, float, float],
     ) -> None:
-        self._parameters, self._stride, self.given = parameters, len(q), False
+        parameters, massive, particles, radii = problem.strength, problem.bodies, problem.particles, problem.ends.radii
+        q, v, on_kepler_orbits = state["q"], state["v"], problem.integrator.follows_kepler
+        passage_angle, least_eccentricity, pericentre_angle = limits
+        self._parameters, self._stride = parameters, len(q)
+        self.given = form.held(problem.parameters) == len(massive)
         self._path = np.empty(0)
         self._massive, self._particles = massive, particles
         self._rows = np.concatenate([massive, particles])
+        stops = problem.ends.stops
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
         self._collide = radii is not None
@@ -174,12 +164,12 @@ class Observers:
             within[: len(self._rows)] = radii[self._rows]
             self._touched = np.zeros(len(particles) + 1, dtype=np.int64)
             self._touched_own = np.zeros(len(particles), dtype=np.int64)
-            rough = collisions.roughness(order)
+            rough = collisions.roughness(problem.integrator.order)
             self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
-        observed = len(self._stops) or self._collide or whole_path
-        self.records_all = self.sees_path = bool(observed) or not notes_nearest
+        observed = len(self._stops) or self._collide or problem.approaches or problem.sees_all_steps
+        self.records_all = self.sees_path = bool(observed) or not form.notes_nearest(3 * len(massive))
 
     @cached_property
     def own_steps(self) -> Contexts:

@@ -23,12 +23,16 @@ ROUNDING = 1e-12
 
 
 class Orbits(NamedTuple):
-    """The orbits of bodies about the dominant one: rows of the system, GM of both, pericentres, eccentricities, planes.
+    """The orbits of bodies about the dominant one: rows of the system, relative states, GM of both, pericentres,
+    eccentricities, planes.
 
-    row, mu, pericentre, e : (n,); along, across : (n, 3), unit vectors to the pericentre and a quarter of a turn ahead
+    q, v : (n, 3); row, mu, pericentre, e : (n,)
+    along, across : (n, 3), unit vectors to the pericentre and a quarter of a turn ahead
     """
 
     row: NDArray[np.intp]
+    q: Array
+    v: Array
     mu: Array
     pericentre: Array
     e: Array
@@ -56,7 +60,7 @@ def orbits_of_planets(system: System) -> Orbits:
     plane = np.cross(spin, along)
     size = np.linalg.norm(plane, axis=1)[:, None]
     across = plane / np.where(size > 0.0, size, 1.0)
-    return Orbits(rows, mu, (spin**2).sum(axis=1) / mu / (1.0 + e), e, along, across)
+    return Orbits(rows, q, v, mu, (spin**2).sum(axis=1) / mu / (1.0 + e), e, along, across)
 
 
 def close_pairs(system: System) -> tuple[list[str], int]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,12 @@ from orbits.body_names import few
 from orbits.errors import InputError, StepWarning, counted
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.integrators.wisdom_holman import WisdomHolman
 from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
-from orbits.propagation.checks.crossing_orbits import Orbits, close_pairs, orbits_of_planets
+from orbits.propagation.checks.crossing_orbits import close_pairs, orbits_of_planets
 from orbits.propagation.checks.step_check import in_digits, rounded_down
 from orbits.results.approach import Approach
 from orbits.system.derived import derived
@@ -78,9 +79,10 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
     """
     orbits = derived(system, orbits_of_planets)
     units, centre = system.units, system.names[_dominant(system)]
-    with np.errstate(divide="ignore"):  # a fall along a line has no pericentre
+    with np.errstate(divide="ignore", invalid="ignore"):  # a fall along a line has no pericentre
         angles = abs(h) * np.sqrt(orbits.mu * (1.0 + orbits.e) / orbits.pericentre**3)
-    angles = np.where(_ahead(system, orbits, span), angles, 0.0)
+        inverse_a = (1.0 - orbits.e) / orbits.pericentre
+    angles = np.where(_passes(orbits.q, orbits.v, orbits.mu, orbits.e, inverse_a, span), angles, 0.0)
     least = integrator.least_steps
     perturbed = len(angles) > 1 or bool(system.terms) or not integrator.exact_for_two
     follows = integrator.in_encounters.follow_planets
@@ -137,8 +139,7 @@ def _particles_too_fast(system: System, integrator: Integrator, h: float, span: 
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         e, pericentre, _, _, inverse_a = apsides_of(q, v, mu)
         steps = 2.0 * math.pi / abs(h) * np.sqrt(pericentre**3 / (mu * (1.0 + e)))
-        period = np.where(inverse_a > 0.0, 2.0 * math.pi / np.sqrt(mu * np.maximum(inverse_a, 0.0) ** 3), np.inf)
-    ahead = (abs(span) >= period) | ((q * v).sum(axis=1) * span < 0.0) | (e < 0.1)
+        ahead = _passes(q, v, mu, e, inverse_a, span)
     least = integrator.least_steps
     worst = [k for k in np.argsort(steps, kind="stable").tolist() if ahead[k] and steps[k] < least]
     if not worst:
@@ -301,12 +302,11 @@ def _dominant(system: System) -> int:
     return int(system.values.gm.argmax())
 
 
-def _ahead(system: System, orbits: Orbits, span: float) -> NDArray[np.bool_]:
-    """Return which bodies pass their pericentres within `span`, roughly: on open orbits those that are falling in."""
-    values, sun = system.values, _dominant(system)
-    q, v = values.q[orbits.row] - values.q[sun], values.v[orbits.row] - values.v[sun]
-    bound = orbits.e < 1.0
-    a = np.where(bound, orbits.pericentre, np.inf) / np.where(bound, 1.0 - orbits.e, 1.0)
-    returning = abs(span) >= 2.0 * math.pi * np.sqrt(a**3 / orbits.mu)
-    ahead: NDArray[np.bool_] = returning | (orbits.e < 0.1) | ((q * v).sum(axis=1) * span < 0.0)
-    return ahead
+def _passes(q: Array, v: Array, mu: Any, e: Array, inverse_a: Array, span: float) -> NDArray[np.bool_]:
+    """Return which bodies pass their pericentres within `span`, roughly: on open orbits those that are falling in.
+
+    q, v : (n, 3), relative to the dominant body
+    """
+    bound = inverse_a > 0.0
+    period = np.where(bound, 2.0 * math.pi / np.sqrt(mu * np.where(bound, inverse_a, 1.0) ** 3), np.inf)
+    return np.asarray((abs(span) >= period) | (e < 0.1) | ((q * v).sum(axis=1) * span < 0.0))

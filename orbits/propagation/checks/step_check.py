@@ -25,16 +25,13 @@ from orbits.propagation.checks.passage_effect import (
     FINE,
     GRID,
     GROWTH,
-    MOST_ANGLE,
-    MOST_ECCENTRICITY,
     NEGLIGIBLE,
     NOT_FOLLOWED,
     RADIANS,
     Effect,
-    Pair,
     effect,
-    march_pair,
 )
+from orbits.propagation.checks.passing_pair import MOST_ANGLE, MOST_ECCENTRICITY, Pair, march_pair
 from orbits.results.approach import as_error, at_least, two_digits
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
@@ -266,18 +263,7 @@ def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tup
         row, partner = partner, row
     heaviest = int(values.gm.argmax())
     dominated = values.gm[heaviest] > DOMINANT * values.gm.sum()
-    mu = float(values.gm[row] + values.gm[partner])
-    zero = np.zeros(3)
-    pair = Pair(
-        mu,
-        float(values.gm[partner]) / mu,
-        values.q[row] - values.q[partner],
-        values.v[row] - values.v[partner],
-        values.softening,
-        float(values.gm[heaviest]) if dominated else 0.0,
-        values.q[partner] - values.q[heaviest] if dominated and partner != heaviest else zero,
-        values.v[partner] - values.v[heaviest] if dominated and partner != heaviest else zero,
-    )
+    pair = Pair.now(system, row, partner, heaviest if dominated else -1)
     try:
         ahead, period = pair.ahead, pair.orbit.period
         if ahead * h < 0.0:

@@ -13,7 +13,8 @@ from orbits.finding import SHOWN, Finding
 from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.checks.kepler_splitting import encounters
-from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, Pair, effect
+from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
+from orbits.propagation.checks.passing_pair import Pair
 from orbits.propagation.checks.step_check import (
     UNRESOLVED,
     in_digits,

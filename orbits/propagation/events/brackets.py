@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.kernels.search.zeros import brackets_of_pairs
+from orbits.kernels.search.zeros import Function, Recorded, Room, Weights, brackets_of_pairs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.events.base import NOBODY, Array, Bound, Whole
 
@@ -201,12 +201,12 @@ def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, s
     # No more than is needed: a large array is not made at once.
     most = max(BRACKETS_AT_ONCE, (len(NODES) + 1) * len(pairs))
     numbers, places = np.empty((most, 6)), np.empty((most, 3), dtype=np.int64)
-    room, apart = np.zeros((3, len(PLACES))), np.zeros((3, len(once)))
+    function, weights = Function(*how, wanted), Weights(once, twice, PLACES)
+    motion, room = Recorded(lengths, path, kicks, size), Room(np.zeros((3, len(PLACES))), np.zeros((3, len(once))))
     found: list[Brackets] = []
     step = 0
     while step < len(stretch):
-        motion = lengths, path, kicks, size, pairs, start, room, apart
-        count, step = brackets_of_pairs(*how, wanted, once, twice, PLACES, *motion, step, numbers, places)
+        count, step = brackets_of_pairs(function, weights, motion, pairs, start, step, room, numbers, places)
         which = places[:count].copy()
         low, high, g_low, g_high, slope_low, slope_high = numbers[:count].T.copy()
         turns = which[:, 2] > 0

@@ -12,7 +12,7 @@ Source: Cincotta & Simó (2000), A&AS 147, 205; Cincotta, Giordano & Simó (2003
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Unpack
 
 import numpy as np
@@ -144,68 +144,56 @@ def megno_of(
     scale = dynamical_time(massive_of(system).system if together else system)
     scale = scale if np.isfinite(scale) else 1.0
 
-    def growth(name: str, followed: Varied) -> tuple[TangentGrowth, IntegrationError | None]:
-        return _growth(name, followed, integrator, grid, scale, seed, vectors)
+    def growth(followed: Varied) -> tuple[Array, IntegrationError | None]:
+        return _growth(followed, integrator, grid, scale, seed, vectors)
 
-    massive, failure = growth(WHOLE, massive_of(system))
+    found, failure = growth(massive_of(system))
     if failure is not None:
         raise failure
-    numbers = np.flatnonzero(~system.massive).tolist()
-
-    def of_particle(p: int) -> tuple[TangentGrowth, IntegrationError | None]:
-        return growth(system.names[p], particle_of(system, p, coupled=coupled))
-
-    if together and numbers:
-        in_lanes = _together(system, integrator, grid, scale, seed, vectors, threads)
-        return Megno(system, massive, in_lanes, made_by(system, integrator, grid))
-    particles = []
-    for found in each_in_threads(of_particle, numbers, threads):
-        assert not isinstance(found, IntegrationError)  # which comes with what was known before
-        particle, failure = found
-        if failure is not None:
-            told = f"the MEGNO of {particle.name} is not known from the step on that its motion cannot take: {failure}"
-            Finding(told, RetiredWarning, "MEGNO not known").warn()
-        particles.append(particle)
-    if integrator.follows_kepler and numbers:
-        particles = _with_passages(system, integrator, grid, particles, threads)
-    return Megno(system, massive, tuple(particles), made_by(system, integrator, grid))
+    massive = _results(system, grid, [WHOLE], Growths.of([found]))[0]
+    made = made_by(system, integrator, grid)
+    if system.massive.all():
+        return Megno(system, massive, (), made)
+    if together:
+        starts = _starts(seed, scale, vectors, 1)[:, :, 0]
+        growths = growths_of_particles(system, integrator, grid, starts, scale, threads)
+    else:
+        growths = _one_by_one(system, growth, coupled, threads)
+        if integrator.follows_kepler:
+            judge(system, integrator, grid, growths, passages_of_run(system, integrator, grid, threads))
+    return Megno(system, massive, _results(system, grid, _light(system), growths), made)
 
 
-def _with_passages(
-    system: System, integrator: Integrator, grid: TimeGrid, particles: list[TangentGrowth], threads: int | None
-) -> list[TangentGrowth]:
-    """Return the growth of particles with the first passages that the method cannot follow; warns of these."""
-    unit = system.units.time
-    out = Growths(
-        np.array([one.megno for one in particles]).T,
-        np.array([one.spread for one in particles]).T,
-        np.array([one.lyapunov.value for one in particles]).T,
-        np.full(len(particles), np.nan),
-    )
-    judge(system, integrator, grid, out, passages_of_run(system, integrator, grid, threads))
-    times, rates = [None if np.isnan(time) else time * unit for time in out.passage.tolist()], out.lyapunov / unit
-    return [
-        replace(one, megno=out.megno[:, k], spread=out.spread[:, k], lyapunov=rates[:, k], passage=times[k])
-        for k, one in enumerate(particles)
-    ]
-
-
-def _together(
+def _one_by_one(
     system: System,
-    integrator: Integrator,
-    grid: TimeGrid,
-    scale: float,
-    seed: int,
-    vectors: int,
+    growth: Callable[[Varied], tuple[Array, IntegrationError | None]],
+    coupled: bool,
     threads: int | None,
-) -> tuple[TangentGrowth, ...]:
-    """Return the growth of tangent vectors of all massless particles, which march eight at a time."""
-    found = growths_of_particles(system, integrator, grid, _starts(seed, scale, vectors, 1)[:, :, 0], scale, threads)
+) -> Growths:
+    """Return the growth of each massless particle, which is followed by itself; warns of those that are lost."""
+    numbers, found = np.flatnonzero(~system.massive).tolist(), []
+
+    def of_particle(p: int) -> tuple[Array, IntegrationError | None]:
+        return growth(particle_of(system, p, coupled=coupled))
+
+    for p, one in zip(numbers, each_in_threads(of_particle, numbers, threads), strict=True):
+        assert not isinstance(one, IntegrationError)  # which comes with what was known before
+        values, failure = one
+        found.append(values)
+        if failure is not None:
+            name = system.names[p]
+            told = f"the MEGNO of {name} is not known from the step on that its motion cannot take: {failure}"
+            Finding(told, RetiredWarning, "MEGNO not known").warn()
+    return Growths.of(found)
+
+
+def _results(system: System, grid: TimeGrid, names: Sequence[str], found: Growths) -> tuple[TangentGrowth, ...]:
+    """Return what is known of what has these names."""
     unit = system.units.time
     t, rates, passages = u.Quantity(grid.times, unit), u.Quantity(found.lyapunov.T, 1 / unit), found.passage * unit
     return tuple(
         TangentGrowth(name, t, found.megno[:, k], found.spread[:, k], rates[k], None if met else passages[k])
-        for k, (name, met) in enumerate(zip(_light(system), np.isnan(found.passage).tolist(), strict=True))
+        for k, (name, met) in enumerate(zip(names, np.isnan(found.passage).tolist(), strict=True))
     )
 
 
@@ -222,9 +210,11 @@ def _starts(seed: int, scale: float, count: int, bodies: int) -> Array:
 
 
 def _growth(
-    name: str, followed: Varied, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, vectors: int
-) -> tuple[TangentGrowth, IntegrationError | None]:
-    """Return the growth of tangent vectors of what is followed at the samples, and what ended it before the last."""
+    followed: Varied, integrator: Integrator, grid: TimeGrid, scale: float, seed: int, vectors: int
+) -> tuple[Array, IntegrationError | None]:
+    """Return MEGNO, its spread and the rate of growth of tangent vectors of what is followed, (3, samples), and what
+    ended it before the last sample.
+    """
     starts = _starts(seed, scale, vectors, len(followed.varied))
     tangents = tangents_of(followed, integrator, starts, scale, clock=grid.clock)
     out, failure = np.full((3, len(grid)), np.nan), None
@@ -236,6 +226,4 @@ def _growth(
                 out[:, k] = mean.mean(), spread, log.mean() / abs(time)
     except IntegrationError as error:
         failure = error
-    time_unit = followed.system.units.time
-    t, rate = u.Quantity(grid.times, time_unit), u.Quantity(out[2], 1 / time_unit)
-    return TangentGrowth(name, t, out[0], out[1], rate), failure
+    return out, failure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -38,6 +39,12 @@ class Growths(NamedTuple):
     spread: Array
     lyapunov: Array
     passage: Array
+
+    @classmethod
+    def of(cls, found: Sequence[Array]) -> Growths:
+        """Return those of particles of which each has MEGNO, spread and rate, (3, samples), without passages."""
+        mean, spread, rate = np.array(found).transpose(1, 2, 0)
+        return cls(mean, spread, rate, np.full(len(found), np.nan))
 
 
 def growths_of_particles(
