@@ -55,12 +55,17 @@ class Arc:
         self._own = int(self._whole.varied[0])
 
     def states(self, start: Array, times: Array) -> tuple[Array, Array]:
-        """Return q and v at times, (m, 3) each, for a start, (6,). Raises an IntegrationError on the way."""
-        q, v = np.empty((2, len(times), 3))
+        """Return q and v at times, (m, 3) each, for a start, (6,); NaN where a march from it does not get.
+
+        Raises an IntegrationError on the way.
+        """
+        q, v = np.full((2, len(times), 3), np.nan)
+        q[times == 0.0], v[times == 0.0] = start[:3], start[3:]
         for sign, rows in _sides(times):
-            q[rows], v[rows] = start[:3], start[3:]
             for motion in self._motions(self._whole.system, start, sign, times[rows]):
                 here = rows[_within(motion, times[rows])]
+                if not len(here):
+                    continue
                 steps = np.searchsorted(sign * motion.times, sign * times[here], side="right") - 1
                 steps = np.clip(steps, 0, len(motion) - 1)
                 parts = (times[here] - motion.times[steps]) / motion.lengths[steps]

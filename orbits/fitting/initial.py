@@ -22,8 +22,6 @@ GOOD = 2.5
 LONGER = 3.0
 """By how much arcs grow from one correction to the next."""
 
-FEWEST = 3
-
 
 class Root(NamedTuple):
     """A solution of Gauss's equation.

@@ -7,6 +7,7 @@ import pytest
 from astropy.time import Time
 
 import orbits
+from orbits.errors import IntegrationError
 from orbits.fitting.arc import Arc
 from orbits.fitting.record import Place, Record
 from orbits.fitting.sight import ARCSECONDS, Sight
@@ -63,6 +64,13 @@ def test_derivatives_of_directions_are_differences():
         change = (before - after) / 2e-6
         # Reached: 1e-7, as the bending is held.
         assert np.abs(found[:, :, k] - change).max() < 1e-6 * np.abs(found).max()
+
+
+def test_a_start_that_cannot_be_followed_is_an_error_of_the_integration():
+    """As a step of the correction that leads to nine au a day, with relativity; the correction then shortens it."""
+    far = np.array([-11.6, -110.8, 137.0, -1.0, -2.6, 9.0])
+    with pytest.raises(IntegrationError, match="no step is short enough"):
+        Arc(start(), "433").states(far, np.array([-3.0, 5.0, 16.0]))
 
 
 def test_an_arc_covers_both_sides_of_its_epoch():
