@@ -421,7 +421,7 @@ def test_a_method_of_high_order_is_not_told_to_take_itself():
             orbits.propagate(close, method, dt=1 / 8, duration=3.0, samples=2, progress=False)
         said = [str(one.message) for one in given]
         assert any("too long" in text or "did not resolve" in text for text in said)
-        assert any("take a method of higher order" in text for text in said) == told
+        assert any("take a method of higher order" in text.lower() for text in said) == told
 
 
 def test_the_picture_of_a_body_upside_down_has_its_axis_on_the_rim(moons):
