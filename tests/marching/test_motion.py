@@ -86,6 +86,19 @@ def test_the_motion_of_every_method_is_that_of_its_partial_steps(method):
     assert worst_against_partial_steps(system, method, H, speeds=speeds) < bound
 
 
+def test_where_no_polynomial_is_recorded_the_rough_motion_goes_through_both_ends_of_each_step():
+    """Searches that only exclude look at a cubic through the states at the ends."""
+    system = orbits.System(["a", "b", "c"], *three_bodies(), units=orbits.DIMENSIONLESS)
+    marcher = march_of(system.values, orbits.StormerVerlet(), H, model(system), dense=True)
+    marcher.advance(STEPS)
+    motion, steps = marcher.motion(), np.arange(STEPS)
+    states = motion.path[:, :, :9].reshape(STEPS + 1, 2, 3, 3).swapaxes(2, 3)
+    for fraction, ends in ((0.0, states[:-1]), (1.0, states[1:])):
+        q, v = motion.roughly_at(steps, np.full(STEPS, fraction))
+        assert abs(q - ends[:, 0]).max() <= 1e-15  # 1.1e-16 reached
+        assert abs(v - ends[:, 1]).max() <= 5e-15  # 7.8e-16, of differences of positions by h
+
+
 @pytest.mark.parametrize("method", first(1, FORCED), ids=[m.label for m in FORCED])
 def test_the_motion_under_forces_and_terms_that_depend_on_velocities_is_that_of_partial_steps(method):
     gm, q, v = three_bodies()
