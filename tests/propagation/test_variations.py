@@ -407,6 +407,13 @@ def test_vectors_beyond_the_range_of_numbers_are_refused():
         tangents.follow(motion)
 
 
+def test_a_step_in_which_the_vectors_do_not_converge_is_named(monkeypatch):
+    """In all runs that were tried the stages of the motion fail first: the kernel is told to stop here."""
+    monkeypatch.setattr("orbits.marching.tangents.of_bodies.follow", lambda *arguments: 2)
+    with pytest.raises(orbits.errors.ConvergenceError, match=r"in the step of 0\.1 from t = 0\.2"):
+        matrix(planets(), dt=0.1, duration=1.0, samples=2)
+
+
 def test_some_bodies_alone_are_varied_in_the_field_of_the_others():
     followed = particle_of(planets(0.6), 3, coupled=False)
     assert followed.varied.tolist() == followed.numbers.tolist() == [3]
