@@ -40,7 +40,8 @@ class Excursion:
 
     bodies : the names of the two whose encounter began it; empty where the map could not take a step
     left, returned : when all left the map and entered it again, since the epoch; `returned` is None if the run ended
-        before
+        before. After a change of the bodies within a step, all take chosen steps for the rest of it; if an encounter
+        begins before they have entered the map again, `left` is the beginning of the map's step in which that is
     steps : the numbers of steps of the map before both
     """
 

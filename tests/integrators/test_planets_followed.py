@@ -1,6 +1,7 @@
 """WisdomHolman(encounters="follow planets"): all bodies leave the map for encounters of planets, and return to it."""
 
 import pickle
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +11,7 @@ from astropy import units as u
 import orbits
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, StepWarning
-from orbits.events import CloseApproach, CloserThan
+from orbits.events import CloseApproach, CloserThan, Pericentre
 from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import ConstantSteps
@@ -363,12 +364,13 @@ def test_what_does_not_fit_is_refused():
         orbits.propagate(start, WARN, dt="100 d", duration="1 yr", progress=False)
 
 
+def touch(t, system):
+    """Change the bodies by too little to matter."""
+    return system.replaced(v=system.values.v * (1.0 + 1e-15))
+
+
 def test_events_that_act_during_an_encounter_leave_the_run_in_it():
     """A change too small to matter: the run goes on by chosen steps, and all its excursions are listed."""
-
-    def touch(t, system):
-        return system.replaced(v=system.values.v * (1.0 + 1e-15))
-
     options = {"until": 40_000 * u.day, "samples": 5, **OPTIONS}
     plain = orbits.propagate(planets(), FOLLOW, events=CloserThan(1.2 * u.au, "c", "d"), **options)
     acted = orbits.propagate(planets(), FOLLOW, events=CloserThan(1.2 * u.au, "c", "d", then=touch), **options)
@@ -377,3 +379,69 @@ def test_events_that_act_during_an_encounter_leave_the_run_in_it():
     assert first.left < acted.events[0].time < first.returned
     assert [one.left for one in acted.excursions] == [one.left for one in plain.excursions]
     assert np.abs(acted.q - plain.q).max() < 1e-6 * u.au
+
+
+THREE = orbits.System.solar_system(bodies=["Sun"]).add(
+    ["b", "c", "d"], primary="Sun", gm=[2.8e-7] * 3 * u.au**3 / u.day**2, a=[5.2, 6.3, 7.9] * u.au, M=[0, 2, 4] * u.rad
+)
+FORWARDS, BACKWARDS = CloserThan(2.5 * u.au, "b", "c", then=touch), Pericentre("b", then=touch)
+"""Events that act at 4347 d and at -10725 d: so soon before an encounter that it begins in the rest of their step."""
+
+
+def three_planets(days, event, *events, samples=4, **more):
+    given = {**OPTIONS, "duration": days * u.day, "samples": samples, "check_step": False, **more}
+    return orbits.propagate(THREE, FOLLOW, events=[event, *events], **given)
+
+
+@pytest.mark.parametrize(
+    ("days", "event", "changed", "pairs"),
+    [(21900, FORWARDS, 43, [("b", "c")]), (-21900, BACKWARDS, 107, [("b", "d"), ("b", "c"), ("c", "d")])],
+)
+def test_an_encounter_that_begins_soon_after_a_change_is_listed(days, event, changed, pairs, tmp_path):
+    """All bodies are in chosen steps when it begins, for the rest of the step of the change; resumed within the first
+    of these steps, in the encounter and before the change.
+    """
+    plain = three_planets(days, replace(event, then="record"))
+    whole = three_planets(days, event, samples=61)
+    assert [one.bodies for one in whole.excursions] == [one.bodies for one in plain.excursions] == pairs
+    k = pairs.index(("b", "c"))
+    (left, returned), (usual, until) = whole.excursions[k].steps, plain.excursions[k].steps
+    assert changed <= left <= usual
+    assert abs(returned - until) < 5
+    assert three_planets(days, event).excursions.to_records() == whole.excursions.to_records()
+    first = int(np.searchsorted(np.abs(whole.t.value), 100.0 * left))
+    for sample in (first - 1, first, first + 1, first + 4):
+        path = tmp_path / f"{sample}.h5"
+        stop = abs(whole.t[sample])
+        three_planets(days, event, samples=61, archive=path, callback=lambda t, _, stop=stop: bool(abs(t) >= stop))
+        rest = orbits.resume(path, events=[event], progress=False)
+        assert np.array_equal(rest.q, whole.q)
+        assert np.array_equal(rest.v, whole.v)
+        for run in (rest, orbits.Trajectory.open(path)):
+            assert run.excursions.total == len(pairs)
+            assert run.excursions.to_records() == whole.excursions.to_records()
+
+
+def test_the_encounter_of_a_changed_run_is_listed_though_it_ends_early_or_changes_again():
+    """In the encounter, shortly after a second change there, and in a step with two changes; not if it ends before."""
+    in_it, at_once = CloserThan(1.9 * u.au, "b", "c", then=touch), CloserThan(2.52 * u.au, "b", "c", then=touch)
+    last = three_planets(4700, FORWARDS).events[0].time
+    assert 4300 * u.day < last < 4400 * u.day
+    for days, events, count in (
+        (last.value, [], 0),
+        (last.value + 1.0, [], 0),
+        (4700, [], 1),
+        (4680, [in_it], 1),
+        (21900, [in_it], 1),
+        (4700, [at_once], 1),
+        (21900, [at_once], 1),
+    ):
+        run = three_planets(days, FORWARDS, *events)
+        assert len(run.events) == 1 + len(events)
+        assert run.excursions.total == len(run.excursions) == count
+        for one in run.excursions:
+            assert one.bodies == ("b", "c")
+            assert one.steps[0] in (43, 44, 45)
+            assert (one.returned is None) == (days < 5000)
+    two = three_planets(4700, FORWARDS, at_once).events
+    assert 4300 * u.day < two[0].time < two[1].time < 4400 * u.day

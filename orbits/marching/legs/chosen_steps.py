@@ -36,9 +36,9 @@ NOT_YET = -1
 `orbits.marching.legs.planet_encounters`)."""
 
 EXCURSIONS, COUNTS, LOST, PREFIX = "excursions", "excursion_counts", "excursion_lost", "away_"
-"""The arrays of a checkpoint: the list, (ROOM, 4); whether all bodies are away, and how many excursions there were; the
-readings at which particles were lost on these, (particles,), or `NOT_YET`; and the prefix of those of the march by
-chosen steps."""
+"""The arrays of a checkpoint: the list, (ROOM, 4); whether all bodies are away, 1, or 2 for the rest of a step, and how
+many excursions there were; the readings at which particles were lost on these, (particles,), or `NOT_YET`; and the
+prefix of those of the march by chosen steps."""
 
 POSITIONS = tuple(f"{whose}{x}" for whose in ("", "particle_") for x in ("q", "q_lo", "v", "v_lo"))
 """The arrays of positions and velocities, which both legs have."""
@@ -50,6 +50,7 @@ class ChosenSteps:
     map : the leg of the map; rules : which pairs it cannot follow; q, v : see `Leg`
 
     leg : that of chosen steps; taken : whether they are taken now
+    unlisted : whether they are taken for the rest of a step alone, in which no encounter has begun so far
     rows, count : the excursions that are listed, see `LEFT`, and how many there were
     lost_at : (particles,), the readings at which particles were lost on them, or `NOT_YET`
     """
@@ -78,7 +79,8 @@ class ChosenSteps:
         state = self.leg.stepper.state
         fresh = ("memory", "particle_memory", "particle_clock", "clock")
         self._fresh = {name: state[name].copy() for name in fresh if name in state}
-        self.taken = False
+        self.taken = self.unlisted = False
+        self._listed = NOT_YET  # the step of the last block with which an encounter was listed
         self.rows: list[list[int]] = []
         self.count = 0
         self.lost_at = np.full(len(problem.particles), float(NOT_YET))
@@ -124,16 +126,28 @@ class ChosenSteps:
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place of the map."""
         leg, goal = self.leg, self.goal(place)
-        returning = returns(leg)
+        returning, self._listed = returns(leg), NOT_YET
         if returning and not self.lies_behind_return(goal.rest):
             return
         try:
             leg.approach(Place(0, self.time_of(self.return_step)) if returning else goal)
             count = leg.loop.taken
+            if self.unlisted and not returning:
+                self._list_encounter(count)
             if count and not returning and self._rules.clear_after(leg, count) <= count:
                 leg.times.end_exactly()
         finally:
             self.keep_up()
+
+    def go_back(self, steps: int) -> None:
+        """Take back what was listed after the first `steps` steps of the last block, to which the leg has returned."""
+        if self._listed >= steps:
+            if self.count == len(self.rows):
+                self.rows.pop()
+            self.count, self.unlisted = self.count - 1, True
+            self._list_encounter(0)
+            self._listed = NOT_YET if self.unlisted else steps
+        self.keep_up()
 
     def keep_up(self) -> None:
         """Let the map know how far the chosen steps have led."""
@@ -160,12 +174,32 @@ class ChosenSteps:
         leg.bounds.beware(FIRST_BLOCK)
         leg.bounds.passes, home.bounds.passes = home.bounds.passes, False
         leg.stepper.take_counts(home.stepper)
-        self.taken = True
+        self.taken, self._listed = True, NOT_YET
         if encounter is not None:
-            pair = [int(home.problem.bodies[k]) if k != NOBODY else NOBODY for k in encounter.pair]
-            self.count += 1
-            if len(self.rows) < ROOM:
-                self.rows.append([home.times.step, NOT_YET, *pair])
+            self._list(encounter)
+
+    def _list(self, encounter: Encounter) -> None:
+        """List an excursion that begins with a step of the map."""
+        bodies = self._map.problem.bodies
+        self.count, self.unlisted = self.count + 1, False
+        if len(self.rows) < ROOM:
+            pair = [int(bodies[k]) if k != NOBODY else NOBODY for k in encounter.pair]
+            self.rows.append([encounter.number, NOT_YET, *pair])
+
+    def _list_encounter(self, count: int) -> None:
+        """List the encounter that began in the last `count` steps, or begins now, if there is one: all bodies were away
+        before it for the rest of a step.
+        """
+        leg, clock = self.leg, self._map.clock
+        step, pair = self._rules.first_encounter(leg, count) if count else (0, (NOBODY, NOBODY))
+        begun = float(leg.times.ends()[step]) if count else leg.time
+        if step == count:
+            ahead = self._rules.encounter_ahead(leg)
+            if ahead is None:
+                return
+            pair = ahead
+        self._list(Encounter(clock.place(begun - self._map.problem.start).steps, pair))
+        self._listed = step
 
     def end(self) -> None:
         """Let all bodies enter the map, at the beginning of a step."""
@@ -176,7 +210,8 @@ class ChosenSteps:
         state["memory"][...] = 0.0
         state["particle_memory"][~retired.gone()] = 0.0
         self._hand_over_lost()
-        self.taken, home.times.step = False, step
+        self.taken = self.unlisted = False
+        home.times.step = step
         home.bounds.beware(FIRST_BLOCK)
         home.bounds.passes, leg.bounds.passes = leg.bounds.passes, False
         retired.begin()
@@ -187,19 +222,27 @@ class ChosenSteps:
             if there.any():
                 which = np.flatnonzero(there)
                 retired.add(Lost(0, which, np.full(len(which), NEAR_A_PLANET)), step)
+        self._note_return(step)
+
+    def _note_return(self, step: int) -> None:
         if self.count == len(self.rows) and self.rows and self.rows[-1][RETURNED] == NOT_YET:
             self.rows[-1][RETURNED] = step
 
     def go_on_from(self, other: ChosenSteps, time: float) -> None:
         """Take over the excursions of a march whose bodies change at a time, and leave the map there unless it is the
-        beginning of a step: parts of a step are covered by chosen steps.
+        beginning of a step: parts of a step are covered by chosen steps. An encounter that begins in these is listed.
         """
         if other.taken:
             other._hand_over_lost()
             self._map.losses.go_on_from(self._map, other._map)
         self.rows, self.count, self.lost_at = other.rows, other.count, other.lost_at
-        if time != self.time_of(self._map.times.step):
-            self.begin(None, time)
+        if time == self.time_of(self._map.times.step):
+            self._note_return(self._map.times.step)
+            return
+        self.begin(None, time)
+        self.unlisted = other.unlisted or not other.taken
+        if self.unlisted:
+            self._list_encounter(0)
 
     def _hand_over_lost(self) -> None:
         """Let the map know the particles that were lost on this excursion."""
@@ -246,7 +289,7 @@ class ChosenSteps:
         """Return all that is needed to resume bit for bit, besides the checkpoint of the map."""
         rows = np.full((ROOM, 4), NOT_YET, dtype=np.int64)
         rows[: len(self.rows)] = self.rows or np.zeros((0, 4))
-        counts = np.array([self.taken, self.count], dtype=np.int64)
+        counts = np.array([self.taken + self.unlisted, self.count], dtype=np.int64)
         away = {PREFIX + name: array for name, array in self.leg.checkpoint().items()}
         return {**away, EXCURSIONS: rows, COUNTS: counts, LOST: self.lost_at.copy()}
 
@@ -258,10 +301,11 @@ class ChosenSteps:
         lost, listed = np.asarray(checkpoint[LOST], dtype=np.float64), min(max(count, 0), ROOM)
         known = rows[:listed]
         bodies = known[:, [BODY, OTHER_BODY]]
-        fits = rows.shape == (ROOM, 4) and lost.shape == self.lost_at.shape and away in (0, 1) and count >= 0
+        fits = rows.shape == (ROOM, 4) and lost.shape == self.lost_at.shape and away in (0, 1, 2) and count >= 0
         fits = fits and not ((bodies < NOBODY).any() or (bodies >= len(self._map.problem.gm)).any())
         if not fits or not np.isfinite(lost).all():
             raise InputError("the excursions from the map in its checkpoint are not those of a run.")
         self.leg.restore({name[len(PREFIX) :]: x for name, x in checkpoint.items() if name.startswith(PREFIX)})
-        self.taken, self.rows, self.count = bool(away), known.tolist(), count
+        self.taken, self.unlisted, self._listed = away > 0, away == 2, NOT_YET
+        self.rows, self.count = known.tolist(), count
         self.lost_at[...] = lost

@@ -41,6 +41,14 @@ class Rules:
         step = int(first_encounter(*_path(leg, count), *self._rules, count, self._who))
         return step, (int(self._who[0]), int(self._who[1]))
 
+    def encounter_ahead(self, leg: Leg) -> tuple[int, int] | None:
+        """Return the two bodies whose encounter begins in the next step of the map, by the state of a leg alone."""
+        q, v = leg.stepper.state["q"], leg.stepper.state["v"]
+        # Backwards from the second state, with the opposite velocities, is forwards from the first.
+        path = np.concatenate([q, v, q, -v])
+        none = int(first_encounter(path, len(q), *self._rules, 1, self._who))
+        return None if none else (int(self._who[0]), int(self._who[1]))
+
     def clear_after(self, leg: Leg, count: int) -> int:
         """Return the number of steps of a block of `count` after which the map can go on, or count + 1."""
         return int(first_clear(*_path(leg, count), *self._rules, count))

@@ -156,7 +156,7 @@ class PlanetExcursions(MarchOfSameBodies):
         if self._last is self._map:
             self._leaves.found = None
         else:
-            self._chosen.keep_up()
+            self._chosen.go_back(steps)
 
     def go_on_from(self, old: Any, step: int, time: float) -> None:
         """Follow a march of bodies that change at a time in the step after `step` ones."""
