@@ -19,10 +19,10 @@ from orbits.marching.clocks.constant import Clock, ConstantSteps
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
 from orbits.marching.legs.next_step import pass_by, step_back, take_step
-from orbits.marching.legs.planet_excursions import Legs
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
 from orbits.propagation.collisions.contacts import Contacts, Outcome
 from orbits.propagation.collisions.merge_and_bounce import State

@@ -22,8 +22,8 @@ from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.compile.source_hash import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Clock, clock_of
+from orbits.marching.legs.excursions.planet_excursions import Legs, PlanetExcursions
 from orbits.marching.legs.leg import Leg, available_threads
-from orbits.marching.legs.planet_excursions import Legs, PlanetExcursions
 from orbits.marching.legs.problem import Ends, Problem
 from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from orbits.checks import place_in
 from orbits.errors import ArchiveError
 from orbits.export import MOST_ROWS, headed, html_table, text_table
-from orbits.marching.legs.chosen_steps import (
+from orbits.marching.legs.excursions.chosen_steps import (
     BODY,
     COUNTS,
     EXCURSIONS,
@@ -24,7 +24,7 @@ from orbits.marching.legs.chosen_steps import (
     RETURNED,
     ROOM,
 )
-from orbits.marching.legs.planet_encounters import NOBODY
+from orbits.marching.legs.excursions.planet_encounters import NOBODY
 
 if TYPE_CHECKING:
     from astropy.table import QTable

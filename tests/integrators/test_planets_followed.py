@@ -16,7 +16,7 @@ from orbits.integrators.maps.jacobi_form import outwards
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.legs.planet_excursions import PlanetExcursions
+from orbits.marching.legs.excursions.planet_excursions import PlanetExcursions
 from orbits.marching.legs.problem import Problem
 from orbits.methods import SABA
 from orbits.terms import PostNewtonian, ZonalHarmonics

@@ -14,7 +14,7 @@ from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks import variable_steps as clocks
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.legs import within_step
-from orbits.marching.legs.planet_excursions import Legs
+from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import Collisions, rows_of_change
 from orbits.propagation.marchers import bound

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
 from orbits.marching.legs import within_step
-from orbits.marching.legs.planet_excursions import Legs
+from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
 from orbits.propagation.collisions.impact import Impact, Step, impacts

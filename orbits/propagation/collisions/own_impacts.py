@@ -18,7 +18,7 @@ from orbits.marching.clocks.adaptive import FIRST_THETA, THETA
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.own_clocks import BEFORE, NEXT, SHORTEST, STRETCH
-from orbits.marching.legs.planet_excursions import Legs
+from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.propagation.collisions.impact import Impact, State, Step, impacts
 from orbits.propagation.collisions.of_a_run import Collisions
 from orbits.propagation.events.base import RECORD

@@ -21,7 +21,7 @@ from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.legs import within_step
-from orbits.marching.legs.planet_excursions import Legs
+from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.events.along_motion import MotionSearch
 from orbits.propagation.events.base import Found, Sample

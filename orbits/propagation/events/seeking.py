@@ -22,7 +22,7 @@ from orbits.trajectory.events import NUMBER, TIME, Events, in_order
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from orbits.marching.legs.planet_excursions import Legs
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
 
 

@@ -20,7 +20,7 @@ from orbits.propagation.events.base import STOP, Array, Bound, Sample, Sought, W
 from orbits.propagation.events.kinds.of_pairs import Distance
 
 if TYPE_CHECKING:
-    from orbits.marching.legs.planet_excursions import Legs
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
 
 

@@ -12,7 +12,7 @@ from orbits.system.model import continued
 from orbits.trajectory.changes import BODY, GM, GONE, TIME, Q, V, of_bodies
 
 if TYPE_CHECKING:
-    from orbits.marching.legs.planet_excursions import Legs
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]

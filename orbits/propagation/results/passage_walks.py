@@ -22,7 +22,7 @@ from orbits.trajectory.work import accounts_of
 
 if TYPE_CHECKING:
     from orbits.forces.base import Force
-    from orbits.marching.legs.planet_excursions import Legs
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.results.passages import Passage
     from orbits.system import System
     from orbits.trajectory import Trajectory

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError
-from orbits.marching.legs.chosen_steps import PREFIX as AWAY
+from orbits.marching.legs.excursions.chosen_steps import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from orbits.time_grid import TimeGrid, dynamical_time
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
-    from orbits.marching.legs.planet_excursions import Legs
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
 
 Array = NDArray[np.float64]

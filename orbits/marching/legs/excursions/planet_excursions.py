@@ -24,10 +24,10 @@ from orbits.integrators.forms import Array
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
-from orbits.marching.legs.chosen_steps import FIRST_BLOCK, NOT_YET, ChosenSteps
+from orbits.marching.legs.excursions.chosen_steps import FIRST_BLOCK, NOT_YET, ChosenSteps
+from orbits.marching.legs.excursions.planet_encounters import NOBODY, Encounter, Leaves, Rules
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import MarchOfSameBodies
-from orbits.marching.legs.planet_encounters import NOBODY, Encounter, Leaves, Rules
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, joined, seen_by
 

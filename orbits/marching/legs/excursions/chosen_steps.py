@@ -18,9 +18,9 @@ from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.following.retirement import Lost, Retirement
+from orbits.marching.legs.excursions.planet_encounters import NOBODY, Clears, Encounter, Rules, returns
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.particle_losses import close_to_planets
-from orbits.marching.legs.planet_encounters import NOBODY, Clears, Encounter, Rules, returns
 from orbits.marching.legs.problem import Ends
 
 FIRST_BLOCK = 8
@@ -33,7 +33,7 @@ LEFT, RETURNED, BODY, OTHER_BODY = 0, 1, 2, 3
 NOT_YET = -1
 """Columns of the list of excursions: the steps before all bodies left the map and before they entered it again, or
 `NOT_YET`; and the bodies whose encounter it was, in the numbers of the caller, or `NOBODY` (see
-`orbits.marching.legs.planet_encounters`)."""
+`orbits.marching.legs.excursions.planet_encounters`)."""
 
 EXCURSIONS, COUNTS, LOST, PREFIX = "excursions", "excursion_counts", "excursion_lost", "away_"
 """The arrays of a checkpoint: the list, (ROOM, 4); whether all bodies are away, 1, or 2 for the rest of a step, and how

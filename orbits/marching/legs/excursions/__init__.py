@@ -1,0 +1,1 @@
+"""Encounters that a map does not follow: the bodies leave it, take chosen steps, and return."""
