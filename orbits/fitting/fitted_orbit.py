@@ -55,7 +55,8 @@ def fit(
     sigma : uncertainties, an angle for all, or (m,), or (m, 2) for right ascension times cos(dec) and declination; by
         default those of `observations.sigma`
     reject : whether outliers are rejected, after Carpino, Milani & Chesley (2003): those whose chi-squared is above 8,
-        which are taken back below 7. `fit.rejected` has them
+        which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
+        the rest and 8 for each of them. `fit.rejected` has them
 
     The model is that of the system: its forces act, too. Places are astrometric, with light time and the bending of
     light by the Sun relative to that of the stars. The known errors of star catalogues before Gaia are not taken off.
@@ -95,6 +96,7 @@ def fit(
     problem, found, roots, undecided = first_solution(sight, prepared)
     if undecided:
         orbits_in_doubt(name, undecided).warn()
+    rejects = rejects and not found.used.all()  # the search has weighed what to reject
     around = problem.arc.system
     epoch = around.epoch if system is None else system.epoch
     assert epoch is not None  # a system in an ephemeris has one

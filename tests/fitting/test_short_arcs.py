@@ -119,3 +119,15 @@ def test_a_body_called_as_one_of_the_ephemeris_is_refused(name):
     renamed = orbits.Observations(tuple(one._replace(body=name) for one in observations.records))
     with pytest.raises(InputError, match=f"called '{name}', as one of the ephemeris; expected another name"):
         orbits.fit(renamed)
+
+
+def test_few_observations_are_rejected_only_if_that_costs_less():
+    """All good ones count; one that is an arcminute off does not, and takes no other along."""
+    observations, _ = seen(MIDDLE_BELT, (*SIX, 14.0, 14.05), 1)
+    fit, _ = fitted(observations)
+    assert fit.used.all()
+    wrong = observations.records[1]
+    records = [*observations.records]
+    records[1] = wrong._replace(dec=wrong.dec + 60.0 / 3600)
+    fit, _ = fitted(orbits.Observations(tuple(records)))
+    assert np.flatnonzero(~fit.used).tolist() == [1]
