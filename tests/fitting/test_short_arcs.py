@@ -13,6 +13,7 @@ from astropy.time import Time
 
 import orbits
 from orbits.errors import ConvergenceError, InputError, OrbitsWarning
+from orbits.fitting.gauss import triples
 from orbits.fitting.result import Fit
 from tests.fitting.test_fit import mahalanobis, state
 
@@ -104,13 +105,13 @@ def test_observations_of_two_nights_or_of_one_place_say_what_is_missing():
         orbits.fit(parsed([(MIDNIGHT, 100.0 + k, 5.0) for k in range(4)]))
 
 
-def test_equal_times_among_others_leave_the_search_for_an_orbit_as_it_is():
-    observations, _ = seen(MIDDLE_BELT, SIX, 0)
-    ra, dec = (x.to_value(u.deg) for x in (observations.ra, observations.dec))
-    rows = [(MIDNIGHT + day, float(a), float(d)) for day, a, d in zip(SIX, ra, dec, strict=True)]
-    again = [(jd, a + 1e-5, d) for jd, a, d in rows]
-    _, told = fitted(parsed(rows + again))
-    assert "encountered" not in told
+def test_three_observations_are_chosen_at_three_times():
+    days = 0.01 * np.array([0.0, 0.0, 0.0, 1.0, 2.0, 2.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        choices = list(triples(days))
+    assert choices
+    assert all(len(set(days[list(three)])) == 3 for three in choices)
 
 
 @each("name", ["Sun", "Moon", "Earth"])
