@@ -29,7 +29,16 @@ from orbits.fitting.record import (
 KINDS = ("optical", "radar", "offset", "occultation")
 """The elements of XML with an observation; of these, offsets are not used."""
 
+BODY = ("permID", "provID", "trkSub")
+"""What names a body, the first of those that are there."""
+
 SECONDS = 86400.0
+
+
+def is_heading(line: str) -> bool:
+    """Return whether a line has the names of columns, of a time and of a body."""
+    names = {x.strip() for x in re.split(r"[|,]", line)}
+    return "obsTime" in names and not names.isdisjoint(BODY)
 
 
 def read_psv(lines: Sequence[str]) -> Iterator[Record | Ignored]:
@@ -39,9 +48,8 @@ def read_psv(lines: Sequence[str]) -> Iterator[Record | Ignored]:
     for at, line in enumerate(lines, start=1):
         if not line.strip() or line.lstrip().startswith(("#", "!")):
             continue
-        heading = [x.strip() for x in re.split(r"[|,]", line)]
-        if "obsTime" in heading:
-            columns, separator = heading, "|" if "|" in line else ","
+        if is_heading(line):
+            columns, separator = [x.strip() for x in re.split(r"[|,]", line)], "|" if "|" in line else ","
             continue
         cells = [x.strip() for x in line.split(separator)]
         try:
@@ -55,16 +63,22 @@ def read_psv(lines: Sequence[str]) -> Iterator[Record | Ignored]:
 
 
 def read_xml(text: str) -> Iterator[Record | Ignored]:
-    """Yield what each element of an observation gives, numbered from 1, or why it gives nothing. Cannot fail."""
+    """Yield what each element of an observation gives, numbered from 1, or why it gives nothing. Cannot fail.
+
+    The text is decoded: what it declares as its encoding is passed over.
+    """
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         yield Ignored(1, "has a document type; expected none, as it may expand without bounds", text[:80])
         return
     try:
-        root = ElementTree.fromstring(text.encode())
+        root = ElementTree.fromstring(text.strip())
     except (ElementTree.ParseError, ValueError) as error:
         yield Ignored(1, f"no valid XML: {error}", text[:80])
         return
-    for at, element in enumerate((x for x in root.iter() if x.tag in KINDS), start=1):
+    elements = [x for x in root.iter() if x.tag in KINDS]
+    if not elements:
+        yield Ignored(1, f"XML of <{root.tag}>, in which no element is one of {', '.join(KINDS)}", text[:80])
+    for at, element in enumerate(elements, start=1):
         cells = {x.tag: x.text.strip() for x in element.iter() if x is not element and x.text and x.text.strip()}
         try:
             yield from _records(at, cells)
@@ -75,7 +89,7 @@ def read_xml(text: str) -> Iterator[Record | Ignored]:
 def _records(at: int, cells: Mapping[str, str]) -> list[Record]:
     if cells.get("deprecated"):
         raise Unusable("deprecated: replaced by a later measurement")
-    body = cells.get("permID") or cells.get("provID") or cells.get("trkSub")
+    body = next((cells[name] for name in BODY if cells.get(name)), "")
     if not body:
         raise Unusable("no permID, provID or trkSub names a body")
     jd, part = _time(cells.get("obsTime", ""))

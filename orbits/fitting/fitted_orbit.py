@@ -13,10 +13,10 @@ from orbits.body_names import few
 from orbits.checks import checked_flag
 from orbits.elements.two_body import any_two_body
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, counted, shown
 from orbits.fitting.arc import Arc
 from orbits.fitting.correction import Problem, Solution, corrected, covariance, with_outliers_rejected
-from orbits.fitting.initial import Root, first_solution, normalized_rms
+from orbits.fitting.initial import Root, first_solution, normalized_rms, orbits_in_doubt
 from orbits.fitting.observations import Observations
 from orbits.fitting.record import OPTICAL
 from orbits.fitting.result import Fit
@@ -48,12 +48,15 @@ def fit(
     observations : optical ones of one body
     system : `System.in_ephemeris(...)`, whose epoch is that of the orbit. If it has the body, or one massless body, the
         fit begins from its orbit; otherwise, as without a system, from those that Gauss's method finds through three of
-        the observations, fitted to ever longer arcs. Without a system the epoch is the midnight (TDB) nearest to the
+        the observations, fitted to ever longer arcs: the one with the least chi-squared, and of equal ones the one
+        with the smallest eccentricity, those within 0.05 au of the observer last. An OrbitsWarning lists the orbits
+        that fit a short arc as well. Without a system the epoch is the midnight (TDB) nearest to the
         second of these three, in DE440
     sigma : uncertainties, an angle for all, or (m,), or (m, 2) for right ascension times cos(dec) and declination; by
         default those of `observations.sigma`
     reject : whether outliers are rejected, after Carpino, Milani & Chesley (2003): those whose chi-squared is above 8,
-        which are taken back below 7. `fit.rejected` has them
+        which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
+        the rest and 8 for each of them. `fit.rejected` has them
 
     The model is that of the system: its forces act, too. Places are astrometric, with light time and the bending of
     light by the Sun relative to that of the stars. The known errors of star catalogues before Gaia are not taken off.
@@ -90,7 +93,10 @@ def fit(
         arc = Arc(_with_body(around, name, start), name)
         return Problem(arc, sight.since(day), given, correlation), start
 
-    problem, found, roots = first_solution(sight, prepared)
+    problem, found, roots, undecided = first_solution(sight, prepared)
+    if undecided:
+        orbits_in_doubt(name, undecided).warn()
+    rejects = rejects and not found.used.all()  # the search has weighed what to reject
     around = problem.arc.system
     epoch = around.epoch if system is None else system.epoch
     assert epoch is not None  # a system in an ephemeris has one
@@ -151,6 +157,12 @@ def _check(observations: Any) -> None:
         )
     if len(observations) < FEWEST:
         raise InputError(f"{len(observations)} observations do not determine an orbit; expected {FEWEST} at least.")
+    times = len(np.unique(observations.time.jd))
+    if times < FEWEST:
+        raise InputError(
+            f"the observations are of {counted(times, 'time')}, which do not determine an orbit; expected {FEWEST} "
+            "times at least, of three nights as a rule."
+        )
 
 
 def _sigma(observations: Observations, sigma: Any) -> Array:
@@ -200,6 +212,11 @@ def _start_of(system: System, name: str) -> Array:
 
 
 def _with_body(system: System, name: str, start: Array) -> System:
+    if name in system.names:
+        raise InputError(
+            f"the body of the observations is called {name!r}, as one of the ephemeris; expected another name in their "
+            "file, or a system with the body under another name."
+        )
     return system.add(name, q=start[:3] * u.au, v=start[3:] * u.au / u.day)
 
 

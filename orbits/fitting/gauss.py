@@ -90,6 +90,30 @@ def _state(r: float, t1: float, t3: float, sun: Array, direction: Array, D0: flo
     return best
 
 
+def orbits_at(distances: Array, times: Array, sun: Array, direction: Array) -> list[Array]:
+    """Return heliocentric states at the second of three times, (6,) each, au and au/d: for each distance from the
+    observer, au, the one whose velocity leads nearest to the other two directions.
+
+    They are for arcs so short that Gauss's equation, which errors of the directions change, may lack the root that is
+    sought. times, sun, direction : as of `orbits_of`
+    """
+    found = []
+    for distance in distances.tolist():
+        q = sun[1] + distance * direction[1]
+        mu = GM_SUN / float(np.linalg.norm(q)) ** 3
+        left, right = [], []
+        for k in (0, 2):
+            t = times[k] - times[1]
+            f, g = 1.0 - 0.5 * mu * t**2, t - mu * t**3 / 6.0
+            across = np.eye(3) - np.outer(direction[k], direction[k])
+            left.append(g * across)
+            right.append(across @ (sun[k] - f * q))
+        v, *_ = np.linalg.lstsq(np.concatenate(left), np.concatenate(right), rcond=None)
+        if np.linalg.norm(v) < np.sqrt(2.0 * GM_SUN / np.linalg.norm(q)):
+            found.append(np.concatenate([q, v]))
+    return found
+
+
 def _coefficients(state: Array, dt: float) -> tuple[tuple[float, float], Array]:
     """Return Lagrange's f and g: the position after dt is f q + g v."""
     q, v = state[:3], state[3:]
@@ -104,7 +128,7 @@ def triples(days: Array, most: int = 24) -> Iterator[tuple[int, int, int]]:
     Those on three nights within some weeks, about evenly spaced, are best: a longer arc is no longer the beginning of a
     series in time, and on a shorter one errors of the directions count for more.
     """
-    order = np.argsort(days, kind="stable")
+    _, order = np.unique(days, return_index=True)
     nights = [group[len(group) // 2] for group in np.split(order, np.flatnonzero(np.diff(days[order]) > 0.4) + 1)]
     if len(nights) < 3:
         nights = order[np.unique(np.linspace(0, len(order) - 1, 7).astype(int))].tolist()
@@ -123,5 +147,3 @@ def triples(days: Array, most: int = 24) -> Iterator[tuple[int, int, int]]:
         if three not in seen:
             seen.append(three)
     yield from seen[:most]
-
-

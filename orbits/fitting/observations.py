@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -37,6 +39,7 @@ class Observations:
     source : where they are from, in words
 
     len() is their number; observations[mask] and observations.of("609631") are some of them, one + other all of both.
+    An observation that is there twice, to all digits, counts once; the copy is among the ignored.
     """
 
     records: tuple[Record, ...]
@@ -54,23 +57,24 @@ class Observations:
             data = Path(path).read_bytes()
         except (OSError, ValueError, TypeError) as error:
             raise InputError(f"the observations in {shown(path)} cannot be read: {error}") from None
-        return cls.parse(data.decode("utf-8", errors="replace"), source=Path(path).name)
+        return cls.parse(_decoded(data, Path(path).name), source=Path(path).name)
 
     @classmethod
     def parse(cls, text: str, *, source: str = "text") -> Self:
         """Return the observations in a text, as `read` does for a file. Raises InputError if there are none."""
         if not isinstance(text, str):
             raise InputError(f"the text of observations is {shown(text)}; expected a str.")
+        text = text.removeprefix("\ufeff")
         lines = text.replace("\r\n", "\n").split("\n")
         found = list(
             ades.read_xml(text)
-            if text.lstrip("\ufeff \n\r\t").startswith("<")
+            if text.lstrip().startswith("<")
             else ades.read_psv(lines)
-            if any("obsTime" in line and ("|" in line or "," in line) for line in lines)
+            if any(ades.is_heading(line) for line in lines)
             else mpc80.read(lines)
         )
-        records = tuple(one for one in found if isinstance(one, Record))
-        ignored = tuple(one for one in found if isinstance(one, Ignored))
+        records, copies = _without_copies([one for one in found if isinstance(one, Record)])
+        ignored = (*(one for one in found if isinstance(one, Ignored)), *copies)
         if not records:
             why = f"line {ignored[0].line}: {ignored[0].reason}" if ignored else "it is empty"
             raise InputError(
@@ -94,10 +98,11 @@ class Observations:
         return self[np.array(rows)]
 
     def __add__(self, other: Observations) -> Self:
-        """Return these and others."""
-        return type(self)(
-            self.records + other.records, self.ignored + other.ignored, source=f"{self.source} + {other.source}"
-        )
+        """Return these and others; copies of these are ignored. Raises InputError for anything but observations."""
+        if not isinstance(other, Observations):
+            raise InputError(f"{shown(other)} is added to observations; expected orbits.Observations.")
+        records, copies = _without_copies([*self.records, *other.records])
+        return type(self)(records, self.ignored + other.ignored + copies, source=f"{self.source} + {other.source}")
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -163,3 +168,27 @@ class Observations:
         more = f"; {counted(len(self.ignored), 'line')} ignored" if self.ignored else ""
         return f"Observations({kinds} of {few(self.bodies)}, {stations}, {span}, from {self.source}{more})"
 
+
+def _decoded(data: bytes, source: str) -> str:
+    """Return the text of a file: in the encoding that XML declares, otherwise in UTF-8."""
+    declared = re.match(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([A-Za-z0-9._-]+)["']""", data)
+    encoding = declared[1].decode() if declared else "utf-8-sig"
+    try:
+        return data.decode(encoding, errors="replace")
+    except LookupError:
+        raise InputError(f"{source} declares the encoding {encoding!r}, which is not known; expected UTF-8.") from None
+
+
+def _without_copies(records: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[Ignored, ...]]:
+    """Return the observations, each once, and those that are copies of others."""
+    first: dict[tuple[Any, ...], Record] = {}
+    copies: list[Ignored] = []
+    for one in records:
+        measured = one.value if one.kind != OPTICAL else (one.ra, one.dec)
+        key = (*one[1:7], one.transmitter, measured)
+        if key not in first:
+            first[key] = one
+        else:
+            what = f"{one.body} at JD {one.jd + one.part:.6f} from {one.station}"
+            copies.append(Ignored(one.line, f"a copy of the observation in line {first[key].line}", what))
+    return tuple(first.values()), tuple(copies)

@@ -126,6 +126,20 @@ def _from_geocentre(records: tuple[Record, ...], times: Time) -> Array:
             assert known is not None  # the readers refuse others
             x[row] = known
     turns &= x.any(axis=1)
-    if turns.any():
-        x[turns], _ = earth.turning(times[turns]).carries(x[turns])
+    early = times.jd - earth.MJD_ZERO < earth.tables()[0].first
+    for rows, turning in ((turns & early, _by_their_clocks), (turns & ~early, _by_the_tables)):
+        if rows.any():
+            some = [one for one, is_one in zip(records, rows, strict=True) if is_one]
+            x[rows], _ = turning(some, times[rows]).carries(x[rows])
     return x
+
+
+def _by_their_clocks(records: list[Record], times: Time) -> earth.Turning:
+    """Return how the Earth was turned before the tables of the IERS begin: observers' clocks had UT, within 0.1 s."""
+    jd, part = np.array([(one.jd, one.part) for one in records]).T
+    held = np.zeros(len(records))  # the pole, which is within 0.6 arcseconds of this, 20 m
+    return earth.turned_by(times, (jd, part), (held, held))
+
+
+def _by_the_tables(_: list[Record], times: Time) -> earth.Turning:
+    return earth.turning(times)

@@ -52,7 +52,7 @@ PLATES_END, PLATES_OF_OLD = 2433282.5, 2411368.5
 """1950-01-01 and 1890-01-01."""
 
 IN_A_NIGHT = 4
-"""More observations than this from one station in a night count as so many."""
+"""More observations than this of a body from one station in a night count as so many."""
 
 
 def sigma(one: Record) -> float:
@@ -72,9 +72,10 @@ def sigma(one: Record) -> float:
 
 def sigmas(records: Sequence[Record]) -> Array:
     """Return the uncertainties in right ascension times cos(dec), and declination, (m, 2), arcseconds: those given, and
-    otherwise by the rules. Those by the rules grow as sqrt(N / 4) with the number N > 4 from one station in a night.
+    otherwise by the rules. Those by the rules grow as sqrt(N / 4) with the number N > 4 of the same body from one
+    station in a night.
     """
-    nights = [(one.station, night(one)) for one in records]
+    nights = [(one.body, one.station, night(one)) for one in records]
     count = Counter(nights)
     out = np.empty((len(records), 2))
     for row, (one, group) in enumerate(zip(records, nights, strict=True)):

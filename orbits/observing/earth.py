@@ -73,7 +73,11 @@ class Turning(NamedTuple):
 
 def turning(dates: Time) -> Turning:
     """Return how the Earth is turned; dates in TDB. Warns of times beyond the IERS's tables."""
-    ut1, pole = rotation(dates)
+    return turned_by(dates, *rotation(dates))
+
+
+def turned_by(dates: Time, ut1: tuple[Array, Array], pole: tuple[Array, Array]) -> Turning:
+    """Return how the Earth is turned; dates in TDB; ut1, pole : as of `rotation`."""
     # From the axes of the ICRF to those of the Earth; offsets of the pole of date, 0.3 mas, are 1 cm at the equator.
     turned = erfa.c2t06a(dates.jd1, dates.jd2, *ut1, *pole)
     # The axis of rotation is the pole of date, which is 15 m from that of the Earth's own axes.

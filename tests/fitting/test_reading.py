@@ -233,3 +233,67 @@ def test_a_set_can_be_divided_and_joined():
     assert len(table) == 200
     assert table["ra"].unit == u.deg
     assert "200 optical of 3666, 11 stations, 1984-03-31 to 2001-06-16" in repr(found)
+
+
+def test_nights_of_several_bodies_are_counted_apart():
+    night = [APOPHIS.replace(".10789", f".1078{k}") for k in range(4)]
+    other = [line.replace("99942K04M04N", "99943K04M05N") for line in night]
+    assert Observations.parse("\n".join(night + other)).sigma[:, 0].to_value(u.arcsec).tolist() == [0.5] * 8
+
+
+XML = (
+    "<ades><optical><trkSub>Å1</trkSub><stn>568</stn><obsTime>2023-07-06T00:17:43.77Z</obsTime>"
+    "<ra>273.13</ra><dec>-0.5</dec></optical></ades>"
+)
+
+
+def test_xml_is_decoded_as_it_declares(tmp_path):
+    path = tmp_path / "one.xml"
+    for encoding in ("ISO-8859-1", "UTF-8"):
+        path.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?>\n{XML}'.encode(encoding))
+        assert Observations.read(path).bodies == ("Å1",)
+    path.write_bytes(f'<?xml version="1.0" encoding="nonsense"?>{XML}'.encode())
+    with pytest.raises(InputError, match=r"one.xml declares the encoding 'nonsense', which is not known"):
+        Observations.read(path)
+    # A text is decoded already.
+    assert Observations.parse(f'<?xml version="1.0" encoding="nonsense"?>{XML}').bodies == ("Å1",)
+
+
+def test_a_mark_of_byte_order_spoils_no_line(tmp_path):
+    path = tmp_path / "one.txt"
+    for text in (APOPHIS, CCD, XML):
+        path.write_bytes(b"\xef\xbb\xbf" + text.encode())
+        for found in (Observations.read(path), Observations.parse("\ufeff" + text)):
+            assert (len(found), found.ignored) == (1, ())
+
+
+@each(
+    ("text", "message"),
+    [
+        ("<html><body>Not found</body></html>", "XML of <html>, in which no element is one of optical, radar"),
+        ('<ades xmlns="https://x"><optical/></ades>', "XML of <{https://x}ades>, in which no element is one of"),
+    ],
+)
+def test_xml_of_another_kind_is_refused_with_what_was_found(text, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        Observations.parse(text)
+
+
+@each("comment", ["# obsTime, ra and dec are of 2004", "obsTime, as observed"])
+def test_a_comment_that_names_a_column_is_no_heading(comment):
+    found = Observations.parse(f"{comment}\n{APOPHIS}")
+    assert len(found) == 1
+
+
+def test_copies_count_once_and_are_told():
+    one = Observations.parse("\n".join([APOPHIS, APOPHIS.replace(".10789", ".10790"), APOPHIS]))
+    assert len(one) == 2
+    assert one.ignored == ((3, "a copy of the observation in line 1", "99942 at JD 2453079.607890 from 691"),)
+    twice = one + one
+    assert twice.records == one.records
+    assert [x.reason for x in twice.ignored[-2:]] == [f"a copy of the observation in line {k}" for k in (1, 2)]
+
+
+def test_only_observations_are_added():
+    with pytest.raises(InputError, match=r"3 is added to observations; expected orbits.Observations"):
+        Observations.parse(APOPHIS) + 3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import erfa
 import numpy as np
 import pytest
 from astropy.time import Time
@@ -11,6 +12,7 @@ from orbits.errors import IntegrationError
 from orbits.fitting.arc import Arc
 from orbits.fitting.record import Place, Record
 from orbits.fitting.sight import ARCSECONDS, Sight
+from orbits.observing.stations import stations
 from tests.fitting.skies import places, start
 
 MAS = 1e-3 / ARCSECONDS
@@ -79,3 +81,15 @@ def test_an_arc_covers_both_sides_of_its_epoch():
     q, v = arc.states(x, np.array([-1e-3, 0.0, 1e-3]))
     assert (q[1] == x[:3]).all()
     assert np.abs((q[2] - q[0]) / 2e-3 - v[1]).max() < 1e-9
+
+
+def test_stations_before_the_tables_of_the_earth_are_turned_by_the_clocks_of_observers(recwarn):
+    """Earlier times are UT: that of 1938 is 34 s from dynamical time less what is held from 1962."""
+    text = "99942K04M04N  C1938 11 28.00000 04 06 08.08 +16 55 04.6                om6394691"
+    observations = orbits.Observations.parse(text)
+    times, place = observations.time, stations()["691"].x
+    sight = Sight(observations.records, times, times[0])
+    earth = orbits.ephemeris.tracks(["Earth"], times.jd1, times.jd2)[0][0, 0]
+    turn = erfa.c2t06a(times.jd1[0], times.jd2[0], 2429230.5, 0.0, 0.0, 0.0)
+    assert np.abs(sight.here[0] - earth - turn.T @ place).max() < 1e-12
+    assert not recwarn.list

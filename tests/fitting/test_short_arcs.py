@@ -1,0 +1,134 @@
+"""First orbits from a few nights, on which more than one may fit: the right one is found, or a warning lists it."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from functools import cache
+
+import numpy as np
+import pytest
+from astropy import units as u
+from astropy.time import Time
+
+import orbits
+from orbits.errors import ConvergenceError, InputError, OrbitsWarning
+from orbits.fitting.gauss import triples
+from orbits.fitting.result import Fit
+from tests.fitting.test_fit import mahalanobis, state
+
+from ..coverings import each
+
+EPOCH, MIDNIGHT, SIGMA = "2012-03-01", 2455987.5, 0.3
+THREE, SIX = (2.0, 12.0, 22.0), (2.0, 2.05, 6.0, 6.05, 10.0, 10.05)
+
+
+def parsed(rows: list[tuple[float, float, float]]) -> orbits.Observations:
+    lines = ["permID|stn|obsTime|ra|dec|rmsRA|rmsDec|astCat|mode"]
+    for jd, ra, dec in rows:
+        time = Time(jd, format="jd", scale="utc", precision=4).isot
+        lines.append(f"433|568|{time}Z|{ra % 360:.12f}|{dec:.12f}|{SIGMA}|{SIGMA}|Gaia2|CCD")
+    return orbits.Observations.parse("\n".join(lines))
+
+
+@cache
+def seen(orbit: tuple[float, ...], days: tuple[float, ...], seed: int) -> tuple[orbits.Observations, orbits.Run]:
+    """Return observations of an orbit (a, e, inc, Omega, omega, M), and its run."""
+    elements = dict(zip(("inc", "Omega", "omega", "M"), orbit[2:] * u.deg, strict=True))
+    system = orbits.System.in_ephemeris(epoch=EPOCH).add(
+        "433", primary="Sun", a=orbit[0] * u.au, e=orbit[1], **elements
+    )
+    run = orbits.propagate(system, duration=(max(days) + 1) * u.day, samples=2, dense=True)
+    jd = MIDNIGHT + np.array(days)
+    places = run.ephemeris("433", observer="568", times=Time(jd, format="jd", scale="utc"))
+    errors = np.random.default_rng(seed).normal(0.0, SIGMA / 3600, (len(jd), 2))
+    ra, dec = places.ra.to_value(u.deg), places.dec.to_value(u.deg)
+    ra = ra + errors[:, 0] / np.cos(np.deg2rad(dec))
+    return parsed(list(zip(jd.tolist(), ra.tolist(), (dec + errors[:, 1]).tolist(), strict=True))), run
+
+
+def fitted(observations: orbits.Observations) -> tuple[Fit, str]:
+    """Return a fit, and what it warned of."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        fit = orbits.fit(observations)
+    return fit, "\n".join(str(one.message) for one in told)
+
+
+MIDDLE_BELT = (2.5, 0.15, 8.0, 80.0, 40.0, 120.0)
+
+
+def test_the_root_that_fits_best_is_taken_not_the_nearest_one():
+    """Six observations in eight days; a nearer root, a = 0.79 au, has a normalized RMS of 0.65."""
+    observations, run = seen(MIDDLE_BELT, SIX, 0)
+    with pytest.warns(OrbitsWarning, match="observations of 433 do not decide between 2 orbits") as told:
+        fit = orbits.fit(observations)
+    assert mahalanobis(fit, state(run.at(fit.epoch))) < 22.5
+    assert fit.covariance("keplerian").values[0] == pytest.approx(2.2, abs=0.05)
+    first, second, *_ = fit.roots
+    assert (first.rms, second.rms) == (pytest.approx(0.484, abs=1e-3), pytest.approx(0.646, abs=1e-3))
+    assert (first.a, first.e) == pytest.approx(fit.covariance("keplerian").values[:2], rel=1e-6)
+    assert second.a == pytest.approx(0.792, abs=1e-3)
+    text = str(told[0].message)
+    assert re.search(r"a = 0\.7919 au, e = 0\.703, 0\.\d+ au away: normalized RMS 0\.646", text)
+    assert second.distance < 1.0 < 2.5 < first.distance
+    assert "The first is taken, which has the least" in text
+    assert "More observations, of other nights, decide; or give a start" in text
+
+
+@each("days", [THREE, SIX])
+@each("seed", [2, 5, 6])
+def test_the_right_orbit_of_a_short_arc_is_found_or_in_the_warning(days, seed):
+    rng = np.random.default_rng(100 + seed)
+    orbit = (rng.uniform(0.9, 3.2), rng.uniform(0.0, 0.5), rng.uniform(0.5, 30.0), *rng.uniform(0.0, 360.0, 3))
+    observations, run = seen(tuple(map(float, orbit)), days, seed)
+    fit, told = fitted(observations)
+    assert mahalanobis(fit, state(run.at(fit.epoch))) < 30.0 or "do not decide between" in told
+
+
+def test_three_observations_do_not_decide_between_orbits_through_all_of_them():
+    observations, _ = seen(MIDDLE_BELT, SIX, 0)
+    fit, told = fitted(observations[[0, 2, 4]])
+    near = [one for one in fit.roots if one.rms < 1e-6]
+    assert f"do not decide between {len(near)} orbits" in told
+    assert len(near) > 1
+    apart = [one for one in near if one.distance > 0.05]
+    assert [one.e for one in apart] == sorted(one.e for one in apart)
+    assert fit.covariance("keplerian").values[1] == pytest.approx(apart[0].e, rel=1e-6)
+
+
+def test_observations_of_two_nights_or_of_one_place_say_what_is_missing():
+    rows = [(MIDNIGHT + day, 100.0 + 0.01 * k, 5.0) for k, day in enumerate((2.0, 2.03, 2.06, 3.0, 3.03, 3.06))]
+    with pytest.raises(ConvergenceError, match="They are of 2 nights: three are needed at least, some days apart"):
+        orbits.fit(parsed(rows))
+    with pytest.raises(InputError, match="are of 1 time, which do not determine an orbit; expected 3 times at least"):
+        orbits.fit(parsed([(MIDNIGHT, 100.0 + k, 5.0) for k in range(4)]))
+
+
+def test_three_observations_are_chosen_at_three_times():
+    days = 0.01 * np.array([0.0, 0.0, 0.0, 1.0, 2.0, 2.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        choices = list(triples(days))
+    assert choices
+    assert all(len(set(days[list(three)])) == 3 for three in choices)
+
+
+@each("name", ["Sun", "Moon", "Earth"])
+def test_a_body_called_as_one_of_the_ephemeris_is_refused(name):
+    observations, _ = seen(MIDDLE_BELT, SIX, 0)
+    renamed = orbits.Observations(tuple(one._replace(body=name) for one in observations.records))
+    with pytest.raises(InputError, match=f"called '{name}', as one of the ephemeris; expected another name"):
+        orbits.fit(renamed)
+
+
+def test_few_observations_are_rejected_only_if_that_costs_less():
+    """All good ones count; one that is an arcminute off does not, and takes no other along."""
+    observations, _ = seen(MIDDLE_BELT, (*SIX, 14.0, 14.05), 1)
+    fit, _ = fitted(observations)
+    assert fit.used.all()
+    wrong = observations.records[1]
+    records = [*observations.records]
+    records[1] = wrong._replace(dec=wrong.dec + 60.0 / 3600)
+    fit, _ = fitted(orbits.Observations(tuple(records)))
+    assert np.flatnonzero(~fit.used).tolist() == [1]
