@@ -1,4 +1,7 @@
-"""Observations of a known orbit, made by `run.ephemeris`, which shares neither derivatives nor arcs with a fit."""
+"""Observations of a known orbit, made by `run.ephemeris`, which shares neither derivatives nor arcs with a fit.
+
+And how far a fit is from a state.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,23 @@ from astropy.time import Time
 from numpy.typing import NDArray
 
 import orbits
+from orbits.fitting.result import Fit
 
 EPOCH = "2010-06-01"
 STATIONS = ("568", "703", "W84", "500")
+
+
+def state(system: orbits.System, name: str = "433") -> np.ndarray:
+    place = system.names.index(name)
+    return np.concatenate([system.values.q[place], system.values.v[place]])
+
+
+def mahalanobis(fit: Fit, truth: np.ndarray) -> float:
+    """Return chi-squared of a fitted state, by its covariance."""
+    found = fit.covariance()
+    scale = found.sigma
+    off = (found.values - truth) / scale
+    return float(off @ np.linalg.solve(found.correlation, off))
 
 
 @cache

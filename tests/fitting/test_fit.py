@@ -11,24 +11,11 @@ from astropy import units as u
 import orbits
 from orbits.errors import InputError, UnknownNameError
 from orbits.fitting.arc import Arc
-from tests.fitting.skies import observed, start
 
 from ..coverings import each
+from .skies import mahalanobis, observed, start, state
 
 DATA = Path(__file__).parent / "data"
-
-
-def state(system: orbits.System, name: str = "433") -> np.ndarray:
-    place = system.names.index(name)
-    return np.concatenate([system.values.q[place], system.values.v[place]])
-
-
-def mahalanobis(fit: orbits.fitting.result.Fit, truth: np.ndarray) -> float:
-    """Return chi-squared of a fitted state, by its covariance."""
-    found = fit.covariance()
-    scale = found.sigma
-    off = (found.values - truth) / scale
-    return float(off @ np.linalg.solve(found.correlation, off))
 
 
 @pytest.fixture(scope="module")

@@ -15,9 +15,9 @@ import orbits
 from orbits.errors import ConvergenceError, InputError, OrbitsWarning
 from orbits.fitting.gauss import triples
 from orbits.fitting.result import Fit
-from tests.fitting.test_fit import mahalanobis, state
 
 from ..coverings import each
+from .skies import mahalanobis, state
 
 EPOCH, MIDNIGHT, SIGMA = "2012-03-01", 2455987.5, 0.3
 THREE, SIX = (2.0, 12.0, 22.0), (2.0, 2.05, 6.0, 6.05, 10.0, 10.05)
@@ -32,7 +32,7 @@ def parsed(rows: list[tuple[float, float, float]]) -> orbits.Observations:
 
 
 @cache
-def seen(orbit: tuple[float, ...], days: tuple[float, ...], seed: int) -> tuple[orbits.Observations, orbits.Run]:
+def seen(orbit: tuple[float, ...], days: tuple[float, ...], seed: int) -> tuple[orbits.Observations, orbits.Trajectory]:
     """Return observations of an orbit (a, e, inc, Omega, omega, M), and its run."""
     elements = dict(zip(("inc", "Omega", "omega", "M"), orbit[2:] * u.deg, strict=True))
     system = orbits.System.in_ephemeris(epoch=EPOCH).add(
