@@ -1,7 +1,8 @@
 """Uncertainties of optical astrometry by station, catalogue, date and technique.
 
-Source: Vereš, Farnocchia, Chesley & Chamberlin (2017), Icarus 296, 139, tables 2 to 5, as used by JPL and the MPC.
-Their rules for the program codes of one observer at the stations 309 and G83 are left out.
+Source: Vereš, Farnocchia, Chesley & Chamberlin (2017), Icarus 296, 139, by way of programs that use its rules: the
+paper was not at hand. Techniques and catalogues that came later are taken like their nearest relatives. The rules
+for the program codes of one observer at the stations 309 and G83 are left out.
 """
 
 from __future__ import annotations
