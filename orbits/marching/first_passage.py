@@ -27,7 +27,8 @@ STRAIGHT = 0.5
 """The way of a pair in a part of a step, as a share of its distance, in which this has at most one extremum."""
 
 SHORTEST = 2.0**-50
-"""The shortest part of a step that is halved, as a fraction of the step."""
+"""The shortest part of a step that is halved, as a fraction of the step up to its end: what a massless body does may
+take any fraction of a step of massive ones."""
 
 SETTLED = 1e-9
 """The step of Newton's method, as a fraction of a part in which a pair moves by at most half its distance, after which
@@ -79,7 +80,7 @@ def first_passage(
         is_known, way = not math.isnan(d_end), (high - low) * abs(length) * max(speed, speed_end)
         if math.isnan(d) or (is_known and not abs(0.5 * (d + d_end) - bound) <= DETOUR * way):
             continue
-        if not (is_known and way <= STRAIGHT * min(d, d_end)) and high - low > SHORTEST:
+        if not (is_known and way <= STRAIGHT * min(d, d_end)) and high - low > SHORTEST * high:
             middle = 0.5 * (low + high)
             parts += [(middle, high), (low, middle)]
             continue
