@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from orbits.marching.roots import newton, root
 
 Array = NDArray[np.float64]
+State = tuple[Array, Array]
 
 ROUNDINGS = 16.0
 """The units in the last place of the coordinate farthest from the origin to which a distance is exact."""
@@ -29,6 +31,9 @@ STRAIGHT = 0.5
 SHORTEST = 2.0**-50
 """The shortest part of a step that is halved, as a fraction of the step up to its end: what a massless body does may
 take any fraction of a step of massive ones."""
+
+SPACING = 2.0**-14
+"""The fraction of a step between positions of which differences are taken."""
 
 SETTLED = 1e-9
 """The step of Newton's method, as a fraction of a part in which a pair moves by at most half its distance, after which
@@ -48,6 +53,46 @@ def may_pass(distances: Array, speeds: Array, length: float, bound: float) -> Ar
     """
     way = DETOUR * abs(length) * np.maximum(*speeds)
     return np.asarray(np.abs(0.5 * (distances[0] + distances[1]) - bound) <= way)
+
+
+class Within:
+    """The motion of bodies in a step, by partial steps, each of which is computed once.
+
+    length : of the step; before, after : q and v at its ends, (n, 3) each
+    at : returns them at a fraction of it; NaN where they are not known
+    moves_otherwise : whether partial steps move bodies otherwise than by their velocities
+    """
+
+    def __init__(
+        self, length: float, before: State, after: State, at: Callable[[float], State], moves_otherwise: bool = False
+    ) -> None:
+        self.length, self._at, self._moves_otherwise = length, at, moves_otherwise
+        self._states = {0.0: before, 1.0: after}
+
+    def state(self, part: float) -> State:
+        """Return q and v at a fraction of the step."""
+        if part not in self._states:
+            self._states[part] = self._at(part)
+        return self._states[part]
+
+    def motion(self, part: float) -> State:
+        """Return q and its rate at a fraction of the step."""
+        q, v = self.state(part)
+        if not self._moves_otherwise or part == 0.0:
+            return q, v
+        middle = min(max(part, SPACING), 1.0 - SPACING)
+        first, second, third = (self.state(middle + k * SPACING)[0] for k in (-1, 0, 1))
+        bend = (part - middle) / SPACING * (third - 2.0 * second + first)
+        return q, (0.5 * (third - first) + bend) / (SPACING * self.length)
+
+    def first_passage(self, one: int, other: int, bound: float, **how: Any) -> float | None:
+        """Return where the distance of two bodies first passes a bound; see `first_passage`."""
+
+        def apart(part: float) -> State:
+            q, v = self.motion(part)
+            return q[other] - q[one], v[other] - v[one]
+
+        return first_passage(apart, self.length, bound, **how)
 
 
 def first_passage(

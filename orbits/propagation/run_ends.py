@@ -117,8 +117,6 @@ class RunEnds:
 
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
-        if self.events.touching or self.events.act:
-            return self.events.before_in(cast("ChainOfLegs", marcher).steps_beyond(time), time)
         found = None
         if self.events.stops is not None:
             found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))

@@ -16,14 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.kernels.search.collisions import roughness, touching
-from orbits.marching.first_passage import first_passage, rounding_of
+from orbits.marching.first_passage import State, Within, rounding_of
 
 Array = NDArray[np.float64]
-State = tuple[Array, Array]
 Pairs = Iterable[tuple[int, int]]
-
-SPACING = 2.0**-14
-"""The fraction of a step between positions of which differences are taken."""
 
 
 class Impact(NamedTuple):
@@ -72,11 +68,12 @@ def impacts(
 
     A pair that overlaps at the beginning of the step does not collide in it before it has parted.
     """
-    found, motion = [], _motion(step, order)
+    found, h, is_rough = [], step.end - step.begin, roughness(order) > 0.0
+    within = Within(h, step.before, step.after, lambda part: step.at(step.begin + part * h), is_rough)
     for i, j in candidates(step, radii, _slack(step, order)) if among is None else among:
         through = passes(i, j)
         if through is not None:
-            times = _times_of(motion, step, i, j, float(radii[i] + radii[j]))
+            times = _times_of(within, step, i, j, float(radii[i] + radii[j]))
             found += [Impact(time, i, j) for time in (times if through else islice(times, 1))]
     direction = math.copysign(1.0, step.end - step.begin)
     return sorted(found, key=lambda impact: (impact.time * direction, impact.first, impact.second))
@@ -99,47 +96,18 @@ def _slack(step: Step, order: int) -> float:
     return roughness(order) * abs(step.end - step.begin) * float(np.nanmax(changes, initial=0.0))
 
 
-def _motion(step: Step, order: int) -> Callable[[float], State]:
-    """Return positions at a fraction of a step, and their rates: the velocities, except for methods whose partial steps
-    move bodies otherwise (see `roughness`).
-    """
-    h, known = step.end - step.begin, {0.0: step.before, 1.0: step.after}
-
-    def state(s: float) -> State:
-        if s not in known:
-            known[s] = step.at(step.begin + s * h)
-        return known[s]
-
-    def motion(s: float) -> State:
-        q, v = state(s)
-        if roughness(order) == 0.0 or s == 0.0:
-            return q, v
-        middle = min(max(s, SPACING), 1.0 - SPACING)
-        first, second, third = (state(middle + k * SPACING)[0] for k in (-1, 0, 1))
-        bend = (s - middle) / SPACING * (third - 2.0 * second + first)
-        return q, (0.5 * (third - first) + bend) / (SPACING * h)
-
-    return motion
-
-
-def _times_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach: float) -> Iterator[float]:
+def _times_of(within: Within, step: Step, i: int, j: int, reach: float) -> Iterator[float]:
     """Yield the times at which the distance of a pair falls below a reach within a step."""
-    h = step.end - step.begin
-
-    def apart(s: float) -> tuple[Array, Array]:
-        q, v = motion(s)
-        return q[j] - q[i], v[j] - v[i]
-
     # At the nearer end: in a step of massive bodies, a massless one may go anywhere, or be lost.
     noise = float(np.nanmin([rounding_of(reach, x[0][[i, j]]) for x in (step.before, step.after)]))
-    part = first_passage(apart, h, reach, noise=noise)
+    part = within.first_passage(i, j, reach, noise=noise)
     if part is None:
-        before, after = (float(np.linalg.norm(apart(s)[0])) for s in (0.0, 1.0))
+        before, after = (float(np.linalg.norm(x[0][j] - x[0][i])) for x in (step.before, step.after))
         if after < reach <= before:  # by rounding, or where no partial step of the method leads to
             yield step.end
     while part is not None:
-        yield step.begin + part * h
-        part = first_passage(apart, h, reach, part=(part, 1.0), noise=noise, waits=True)
+        yield step.begin + part * within.length
+        part = within.first_passage(i, j, reach, part=(part, 1.0), noise=noise, waits=True)
 
 
 def overlapping(
