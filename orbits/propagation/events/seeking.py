@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, IntegrationError
+from orbits.errors import EventError, InputError, IntegrationError
 from orbits.marching.legs import within_step
 from orbits.marching.legs.next_step import in_next_steps, pass_by, step_back
 from orbits.marching.watching.leg_observers import SUSPECT
@@ -130,11 +130,12 @@ class Seeking(MotionSearch):
             return None
         if not self.stops.may_end(marcher, sample):
             return None
+        end = None
         with suppress(IntegrationError):
             end = in_next_steps(marcher, sample.time, lambda: Sample(marcher.time, *marcher.state()))
-            if end is not None and (end.time - sample.time) * self._direction >= 0.0:
-                return self._at_a_bound(marcher, end, sample.time)
-        return self._at_a_bound(marcher, sample, sample.time)
+        if end is None or (end.time - sample.time) * self._direction < 0.0:
+            end = sample
+        return self._at_a_bound(marcher, end, sample.time)
 
     def _at_a_bound(self, marcher: Legs, end: Sample, until: float) -> Found | None:
         """Return the first event that ends the run between the state of the march and another, if a pair of bodies
@@ -185,6 +186,9 @@ class Seeking(MotionSearch):
         self.flush()
         if not self.interrupts or (time - marcher.time) * self._direction <= 0.0:
             return None
-        with suppress(IntegrationError):
+        try:
             return in_next_steps(marcher, time, lambda: self._seek(marcher.last.motion(), False, False, time))
-        return self.before(marcher, time, record=False)
+        except EventError:
+            raise
+        except IntegrationError:
+            return self.before(marcher, time, record=False)
