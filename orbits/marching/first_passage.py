@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.marching.roots import newton, root
+from orbits.marching.roots import newton
 
 Array = NDArray[np.float64]
 State = tuple[Array, Array]
@@ -131,9 +131,9 @@ def first_passage(
             continue
         above, above_end = sign * (d - bound), sign * (d_end - bound)
         if sign * rate < 0.0 < sign * rate_end and (above >= 0.0) and above_end >= 0.0:
-            high = _zero(lambda s: of(s)[1], low, high)
+            high = _extremum(of, low, high)
         elif sign * rate > 0.0 > sign * rate_end and above <= 0.0 and above_end < 0.0:
-            low = _zero(lambda s: of(s)[1], low, high)
+            low = _extremum(of, low, high)
         above, above_end = (sign * (of(s)[0] - bound) for s in (low, high))
         if waits:
             waits = abs(above_end) <= noise
@@ -143,21 +143,39 @@ def first_passage(
 
 
 def _passage(of: Callable[[float], tuple[float, float, float]], bound: float, low: float, high: float) -> float:
-    """Return where a distance is a bound, between two places on both sides of it, by Newton's method within these."""
+    """Return where a distance is a bound, between two places on both sides of it."""
     (d, _, _), (d_end, _, _) = of(low), of(high)
     rises = -1.0 if d > bound else 1.0
 
-    def beyond(s: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
-        d, rate, _speed = of(float(s[0]))
-        return np.array([rises * (d * d - bound * bound)]), np.array([rises * 2.0 * rate])
+    def beyond(s: float) -> tuple[float, float]:
+        d, rate, _ = of(s)
+        return rises * (d * d - bound * bound), rises * 2.0 * rate
 
-    start = low + (high - low) * (d - bound) / (d - d_end)
-    ends = np.array([low]), np.array([high]), np.array([start])
-    return float(newton(beyond, *ends, SETTLED * (high - low))[1][0])
+    return _zero(beyond, low, high, low + (high - low) * (d - bound) / (d - d_end))
 
 
-def _zero(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return a zero between two places, where the signs differ."""
-    values = (np.array([function(s)]) for s in (low, high))
-    along = root(lambda x, _: np.array([function(low + float(x[0]) * (high - low))]), np.zeros(1), np.ones(1), *values)
-    return low + float(along[0]) * (high - low)
+def _extremum(of: Callable[[float], tuple[float, float, float]], low: float, high: float) -> float:
+    """Return where a distance is least or largest, between two places of which it falls at one and rises at the other,
+    with secants as slopes.
+    """
+    (_, rate, _), (_, rate_end, _) = of(low), of(high)
+    rises, before = math.copysign(1.0, rate_end), [low, rate]
+
+    def falls(s: float) -> tuple[float, float]:
+        rate, way = of(s)[1], s - before[0]
+        slope = (rate - before[1]) / way if way else 0.0
+        before[:] = s, rate
+        return rises * rate, rises * slope
+
+    return _zero(falls, low, high, low + (high - low) * rate / (rate - rate_end))
+
+
+def _zero(function: Callable[[float], tuple[float, float]], low: float, high: float, start: float) -> float:
+    """Return the zero of a function that rises between two places, which returns its slope as well."""
+
+    def along(s: Array, _: NDArray[np.intp]) -> tuple[Array, Array]:
+        value, slope = function(float(s[0]))
+        return np.array([value]), np.array([slope])
+
+    ends = (np.array([x]) for x in (low, high, start))
+    return float(newton(along, *ends, SETTLED * (high - low))[1][0])

@@ -183,8 +183,8 @@ class Contacts:
             return None
         there = self._of.present_massive()
         for motion, ends in stretches(*within_step.towards(ahead.start.leg, time)):
-            if ends:  # so that no zero falls between the motion before the collision and that after it
-                motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
+            if ends:
+                motion.end_in(q[there], v[there])
             found = self._events.search(motion)
             if found is not None:
                 return found
