@@ -177,5 +177,5 @@ def _zero(function: Callable[[float], tuple[float, float]], low: float, high: fl
         value, slope = function(float(s[0]))
         return np.array([value]), np.array([slope])
 
-    ends = (np.array([x]) for x in (low, high, start))
+    ends = np.array([low]), np.array([high]), np.array([start])
     return float(newton(along, *ends, SETTLED * (high - low))[1][0])
