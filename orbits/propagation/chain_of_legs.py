@@ -284,11 +284,13 @@ class ChainOfLegs(March):
         if within:
             begun = float(self.bodies.rows[-1, changes.TIME])
             clock = ConstantSteps(float(self.clock.time(self._grid + 1)) - begun)
-        counts[0] = 0 if within else counts[0] + former  # earlier versions counted the steps of each leg
+        counts[0] += 0 if within else former  # earlier versions counted the steps of each leg
         self._leg.close()
         self._leg = self.bodies.march(values.q[there], values.v[there], clock, begun)
         parts = {name: checkpoint[name][_corner(x.shape)] for name, x in self._leg.checkpoint().items()}
         self._leg.restore({**parts, "counts": counts})
+        if within:  # what it knows of earlier legs is of the steps of the grid; its own is the part of one
+            self._leg.home.times.step = 0
 
 
 def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:
