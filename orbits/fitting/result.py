@@ -132,9 +132,11 @@ class Fit:
 
     def plot(self) -> Figure:
         """Return a picture of the residuals over time, a matplotlib Figure; rejected ones are crosses."""
-        from orbits.fitting.picture import of_residuals
+        from orbits.plotting.residuals import of_residuals
 
-        return of_residuals(self)
+        east, north = self.rms.value
+        title = f"{self.name}: observed less computed, RMS {east:.2f}″ and {north:.2f}″"
+        return of_residuals(self.residuals, title)
 
     def __repr__(self) -> str:
         east, north = self.rms.to_value(u.arcsec)
