@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from xml.etree import ElementTree
 
 from orbits.ephemeris import AU_KM
-from orbits.fitting.places import on_the_ellipsoid
 from orbits.fitting.record import (
     DELAY,
     DOPPLER,
@@ -25,6 +24,7 @@ from orbits.fitting.record import (
     number,
     require_place,
 )
+from orbits.observing.stations import on_the_ellipsoid
 
 KINDS = ("optical", "radar", "offset", "occultation")
 """The elements of XML with an observation; of these, offsets are not used."""
@@ -161,7 +161,7 @@ def _place(cells: Mapping[str, str]) -> Place | None:
     if system == "WGS84":
         if abs(two) > 90.0:
             raise Unusable(f"the latitude is {two:g}; expected -90 to 90")
-        return on_the_ellipsoid(one, two, three)
+        return Place(*on_the_ellipsoid(one, two, three).tolist(), True)
     raise Unusable(f"sys is {system!r}; expected ICRF_KM, ICRF_AU or WGS84")
 
 

@@ -1,11 +1,11 @@
 """The motion of a small body in an ephemeris through the times of its observations, and its derivatives by the start.
 
 The states are those of the method at the ends of its steps, and between them on polynomials of degree fifteen through
-eight of these: for Apophis within 6e-12 au of partial steps, 1e-15 au as a rule. The derivatives are those of the motion
-under Newton's attraction by the bodies of the ephemeris alone, without relativity, figures and forces: they are off by
-a few millionths after ten years, by 1e-4 after an encounter with the Earth, which no covariance shows, and take a third
-of the time. They are computed at the ends of a few steps each, and between these by polynomials of degree seven. Those
-by parameters are symmetric differences of whole arcs.
+eight of these: for Apophis within 6e-12 au of partial steps, 1e-15 au as a rule. The derivatives are those of the
+motion under Newton's attraction by the bodies of the ephemeris alone, without relativity, figures and forces: they are
+off by a few millionths after ten years, by 1e-4 after an encounter with the Earth, which no covariance shows, and take
+a third of the time. They are computed at the ends of a few steps each, and between these by polynomials of degree
+seven. Those by parameters are symmetric differences of whole arcs.
 """
 
 from __future__ import annotations

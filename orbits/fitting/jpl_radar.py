@@ -25,37 +25,30 @@ def is_row(line: str) -> bool:
     return len(cells) == len(COLUMNS) and cells[4].strip() in ("us", "Hz")
 
 
-def read_text(lines: Sequence[str]) -> Iterator[Record | Ignored]:
+def read(lines: Sequence[str]) -> Iterator[Record | Ignored]:
     """Yield what each line gives, or why it gives nothing. Lines without text are passed over. Cannot fail."""
     for at, line in enumerate(lines, start=1):
-        if line.strip():
-            yield _read(at, line.split("\t"), line)
+        try:
+            if line.strip():
+                yield _record(at, [cell.strip() for cell in line.split("\t")])
+        except Unusable as error:
+            yield Ignored(at, str(error), line)
 
 
-def read_json(text: str) -> Iterator[Record | Ignored]:
-    """Yield what each row of the answer gives, numbered from 1, or why it gives nothing. Cannot fail."""
+def lines_of(text: str) -> list[str]:
+    """Return the rows of an answer as lines of the text; of one that is none, itself, which gives nothing."""
     try:
         answer = json.loads(text)
         fields = [answer["fields"].index(name) for name in COLUMNS]
-        rows = [[str(row[k]) for k in fields] for row in answer["data"]]
-    except (ValueError, LookupError, TypeError, AttributeError) as error:
-        yield Ignored(1, f"no answer of JPL's interface for radar astrometry: {error!r}", text[:80])
-        return
-    for at, cells in enumerate(rows, start=1):
-        yield _read(at, cells, " ".join(cells))
-
-
-def _read(at: int, cells: Sequence[str], text: str) -> Record | Ignored:
-    try:
-        return _record(at, [cell.strip() for cell in cells])
-    except Unusable as error:
-        return Ignored(at, str(error), text)
+        return ["\t".join(str(row[k]) for k in fields) for row in answer["data"]] or [text]
+    except (ValueError, LookupError, TypeError, AttributeError):
+        return [text]
 
 
 def _record(at: int, cells: Sequence[str]) -> Record:
     """Return the observation of a row, which is read as one of ADES."""
     if len(cells) != len(COLUMNS):
-        raise Unusable(f"{len(cells)} columns with tabs between; expected {len(COLUMNS)}")
+        raise Unusable(f"no radar astrometry of JPL's: {len(cells)} columns with tabs between; expected {len(COLUMNS)}")
     body, time, value, sigma, unit, frequency, receiver, transmitter, bounce = cells
     if unit not in ("us", "Hz") or bounce not in ("C", "P"):
         raise Unusable(f"the unit is {unit!r}, the bounce point {bounce!r}; expected us or Hz, C or P")

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from orbits.body_names import few
 from orbits.errors import InputError, UnknownNameError, counted, shown
 from orbits.fitting import ades, jpl_radar, mpc80, weights
-from orbits.fitting.dates import dynamical
 from orbits.fitting.record import OPTICAL, Ignored, Record
+from orbits.observing.clocks import dynamical
 from orbits.resources import data_path
 
 if TYPE_CHECKING:
@@ -92,9 +92,9 @@ class Observations:
             if text.lstrip().startswith("<")
             else ades.read_psv(lines)
             if any(ades.is_heading(line) for line in lines)
-            else jpl_radar.read_json(text)
+            else jpl_radar.read(jpl_radar.lines_of(text))
             if text.lstrip().startswith("{")
-            else jpl_radar.read_text(lines)
+            else jpl_radar.read(lines)
             if any(jpl_radar.is_row(line) for line in lines)
             else mpc80.read(lines)
         )

@@ -14,8 +14,8 @@ from astropy.time import Time
 from hypothesis import given
 from hypothesis import strategies as st
 
+from orbits.catalogue import packed
 from orbits.errors import InputError, UnknownNameError
-from orbits.fitting.designations import unpacked
 from orbits.fitting.observations import Observations
 
 from ..coverings import each
@@ -199,7 +199,7 @@ def test_what_is_written_is_read(ra, dec, day, part):
 )
 def test_packed_names_are_unpacked(number, provisional, name):
     """Examples of the MPC's page on packed designations."""
-    assert unpacked(number, provisional) == name
+    assert packed.name(number, provisional) == name
 
 
 def test_times_before_utc_are_those_of_the_earth():
@@ -322,7 +322,7 @@ def test_radar_is_read_as_jpl_gives_it():
     fields = ["des", "epoch", "value", "sigma", "units", "freq", "rcvr", "xmit", "bp"]
     answer = Observations.parse(json.dumps({"fields": fields, "data": rows}))
     assert answer.records[0]._replace(line=2) == delay
-    with pytest.raises(InputError, match="no answer of JPL's interface for radar astrometry"):
+    with pytest.raises(InputError, match="no radar astrometry of JPL's: 1 columns with tabs between; expected 9"):
         Observations.parse("{}")
 
 
