@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
     from orbits.regression import compare, residuals
+    from orbits.results.moid import moid
     from orbits.system import System
     from orbits.system.rigid_body import RigidBody
     from orbits.system.solar.description import solar_model
@@ -85,6 +86,7 @@ __all__ = [
     "kernel",
     "march",
     "megno",
+    "moid",
     "propagate",
     "read_mpcorb",
     "read_sbdb",
@@ -120,6 +122,7 @@ _HOME = {
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
     "regression": ["compare", "residuals"],
+    "results.moid": ["moid"],
     "system": ["System"],
     "system.rigid_body": ["RigidBody"],
     "system.solar.description": ["solar_model"],
