@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from orbits.propagation.control.heartbeat import Heartbeat
     from orbits.propagation.results.shadow_energy import shadow_energy
     from orbits.propagation.resuming.verification import Verification, verify
+    from orbits.propagation.variations.encounters import entry, target_plane
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
     from orbits.regression import compare, residuals
@@ -81,6 +82,7 @@ __all__ = [
     "asteroids",
     "certify",
     "compare",
+    "entry",
     "fit",
     "kepler_flow",
     "kernel",
@@ -95,6 +97,7 @@ __all__ = [
     "shadow_energy",
     "solar_model",
     "state_transition",
+    "target_plane",
     "verify",
     "view",
 ]
@@ -119,6 +122,7 @@ _HOME = {
     "propagation.control.heartbeat": ["Heartbeat"],
     "propagation.results.shadow_energy": ["shadow_energy"],
     "propagation.resuming.verification": ["Verification", "verify"],
+    "propagation.variations.encounters": ["entry", "target_plane"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
     "regression": ["compare", "residuals"],
