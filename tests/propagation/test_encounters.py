@@ -74,7 +74,7 @@ def test_the_ellipse_is_the_spread_of_runs_from_displaced_starts() -> None:
 
     plane = orbits.target_plane(run(), "Earth", covariance=C)
     assert plane.matrix is not None
-    assert close(plane.matrix, displaced(apophis(), C, "2029-05-01", answer)) < 2e-4  # 3e-5 found
+    assert close(plane.matrix, displaced(apophis(), C, "2029-05-01", answer)) < 4e-5  # 1.3e-5 found
     large, small, angle = plane.ellipse(1.0)
     a = np.deg2rad(angle.value)
     along, across = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)])
@@ -90,9 +90,8 @@ def test_apophis_passes_as_jpl_has_it() -> None:
     assert plane.v_infinity.to_value(u.km / u.s) == pytest.approx(5.8414, abs=1e-4)
     assert plane.date.iso[:16] == "2029-04-13 21:46"
     escape = np.sqrt(2.0 * 398600.4354 / 6378.137)
-    assert plane.capture_radius.value == pytest.approx(
-        6378.137 * np.hypot(1.0, escape / plane.v_infinity.value), rel=1e-7
-    )
+    captured = 6378.137 * np.hypot(1.0, escape / plane.v_infinity.value)
+    assert plane.capture_radius.value == pytest.approx(captured, rel=1e-7)
     with pytest.raises(InputError, match="has no covariance"):
         plane.ellipse()
     assert "sigma" in str(plane)
@@ -201,7 +200,10 @@ def test_entry_is_where_astropy_has_the_body_and_spreads_as_displaced_starts() -
 
     assert close(place.matrix, displaced(system, C, end, answer)) < 1e-3
     assert "100 km" in str(place)
-    with pytest.raises(InputError, match=r"Apophis does not come down to 100 km above the Earth: .* 38,0"):
+    with (
+        pytest.warns(orbits.errors.OrbitsWarning, match="the rotation of the Earth"),
+        pytest.raises(InputError, match=r"Apophis does not come down to 100 km above the Earth: .* 38,0"),
+    ):
         orbits.entry(run())
 
 

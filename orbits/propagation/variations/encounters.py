@@ -66,11 +66,9 @@ def target_plane(
     """
     run, given, body, other = _subject(orbit, planet, covariance, body, until)
     system, size = run.system, _radius(run.system, planet, radius)
-    passages = [x for x in run.closest_approaches()[body] if planet in (x.body, x.other)]
-    if not passages:
+    time = _closest(run, body, planet, None if near is None else float(times_since(system, near, "near")))
+    if time is None:
         raise InputError(f"{body} does not come near {planet} in this run; expected a longer one, or another planet.")
-    when = None if near is None else float(times_since(system, near, "near"))
-    time = min(passages, key=lambda x: x.distance if when is None else abs(x.time.value - when)).time.value
     hits = bool(np.linalg.norm(_relative(run, body, planet, np.array([time]))[0]) < size)
     if hits:
         time = _crossing(run, body, planet, time, lambda t, x: np.linalg.norm(x, axis=-1) - size)
@@ -142,11 +140,10 @@ def entry(
         fixed = np.einsum("mij,mj->mi", turning(dates(t)).matrix, q * scale)
         return height_and_vertical(fixed)[0] - low
 
-    passages = [x for x in run.closest_approaches()[body] if "Earth" in (x.body, x.other)]
-    time = min(passages, key=lambda x: x.distance).time.value if passages else 0.0
-    least = _relative(run, body, "Earth", np.array([time]))[0]
-    if not passages or above(np.array([time]), least)[0] > 0.0:
-        away = f"{np.linalg.norm(least) * scale:,.0f} km from its centre" if passages else "not near it"
+    time = _closest(run, body, "Earth")
+    least = None if time is None else _relative(run, body, "Earth", np.array([time]))[0]
+    if time is None or least is None or above(np.array([time]), least)[0] > 0.0:
+        away = "not near it" if least is None else f"{np.linalg.norm(least) * scale:,.0f} km from its centre"
         raise InputError(f"{body} does not come down to {low:g} km above the Earth: at its closest it is {away}.")
     time = _crossing(run, body, "Earth", time, above)
     at = np.array([time])
@@ -189,6 +186,14 @@ def _radius(system: System, planet: str, radius: Any) -> float:
     return own
 
 
+def _closest(run: Trajectory, body: str, planet: str, near: float | None = None) -> float | None:
+    """Return the time of the closest approach to a planet, or of the one nearest to a time; None without one."""
+    passages = (x for x in run.closest_approaches()[body] if planet in (x.body, x.other))  # the closest one first
+    if near is None:
+        return next((float(x.time.value) for x in passages), None)
+    return min((float(x.time.value) for x in passages), key=lambda time: abs(time - near), default=None)
+
+
 def _relative(run: Trajectory, body: str, planet: str, times: Array) -> tuple[Array, Array, Array]:
     """Return position and velocity relative to a planet, and its velocity about the heaviest body, (m, 3) each."""
     states = run.at(times)
@@ -211,9 +216,9 @@ def _crossing(run: Trajectory, body: str, planet: str, time: float, function: An
         first, last = times[k], times[k + 1]
     use = slice(max(0, k - NODES // 2 + 1), max(0, k - NODES // 2 + 1) + NODES)
     x, y = times[use], values[use]
-    weights = np.array(
-        [np.prod([-other / (own - other) for j, other in enumerate(y) if j != i]) for i, own in enumerate(y)]
-    )
+    same = np.eye(len(y), dtype=bool)
+    gaps = np.where(same, 1.0, y[:, None] - y)
+    weights = np.where(same, 1.0, -y / gaps).prod(axis=1)  # Lagrange's, at 0
     return float(x[0] + weights @ (x - x[0]))
 
 
