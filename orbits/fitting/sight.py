@@ -93,10 +93,11 @@ class Sight:
         across = [-(seen.direction * axis).sum(axis=1) for axis in (self.east, self.north)]
         return np.asarray(np.stack([np.arctan2(x, depth) for x in across], axis=1) * ARCSECONDS)
 
-    def derivatives(self, seen: Seen, of_position: Array) -> Array:
+    def derivatives(self, seen: Seen, of_state: Array) -> Array:
         """Return the derivatives of the computed right ascension times cos(dec), and declination, arcseconds,
-        (m, 2, n), by what positions of the body depend on: of_position is (m, 3, n).
+        (m, 2, n), by what states of the body depend on, (m, 6, n).
         """
+        of_position = of_state[:, :3]
         along = np.einsum("mi,mij->mj", seen.direction, of_position)
         later = along / (C + (seen.direction * seen.velocity).sum(axis=1))[:, None]
         change = of_position - seen.velocity[:, :, None] * later[:, None]
