@@ -232,3 +232,21 @@ def test_a_picture_has_the_planet_and_the_ellipses_enlarged() -> None:
     assert len(whole.patches) == 2 + 3
     assert len(enlarged.patches) == 3
     assert len(orbits.target_plane(run(), "Earth").plot().axes) == 1
+
+
+def test_a_covariance_at_another_time_is_the_spread_of_runs_from_displaced_starts() -> None:
+    fit, later = first_observations("2024BX1"), "2024-01-21 00:20"
+
+    def answer(one: orbits.Trajectory) -> np.ndarray:
+        state = one.at(later)
+        return np.concatenate([x[state.index(fit.name)] for x in state.values[1:3]])
+
+    small = 0.01**2 * fit.covariance().matrix  # what is linear
+    found = fit.covariance(at=later)
+    assert found.form == "cartesian"
+    assert close(0.01**2 * found.matrix, displaced(fit.system, small, END["2024BX1"], answer)) < 1e-4
+    np.testing.assert_allclose(found.values, answer(orbits.propagate(fit.system, until=later)), rtol=1e-12)
+    comet = fit.covariance("cometary", at=later)
+    q = comet.names.index("q")
+    # Beside the Earth its orbit about the Sun changes fast.
+    assert abs(comet.values[q] - fit.covariance("cometary").values[q]) > 5.0 * comet.sigma[q]  # 8 found

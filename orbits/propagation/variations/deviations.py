@@ -13,6 +13,7 @@ from orbits.checks import finite_numbers
 from orbits.errors import InputError, shown
 from orbits.propagation.variations.following import require_followable
 from orbits.propagation.variations.state_transition import state_transition_of
+from orbits.system.parameters import parameters_of
 from orbits.time_grid import TimeGrid
 
 if TYPE_CHECKING:
@@ -26,11 +27,13 @@ Array = NDArray[np.float64]
 class Uncertain(NamedTuple):
     """A body whose orbit is uncertain.
 
-    body : its name; matrix : (6, 6), the covariance of its state at the start, in the units and axes of the system
+    body : its name; matrix : (6 + p, 6 + p), the covariance of its state at the start, in the units and axes of the
+        system, and of p parameters; parameters : their names
     """
 
     body: str
     matrix: Array
+    parameters: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, system: System, covariance: Any, body: str | None = None) -> Uncertain:
@@ -51,13 +54,14 @@ class Uncertain(NamedTuple):
             covariance = covariance.covariance()
         if getattr(covariance, "form", "cartesian") != "cartesian":
             raise InputError(f"the covariance is {covariance.form}; expected one of the state: fit.covariance().")
-        matrix = finite_numbers(getattr(covariance, "matrix", covariance), "covariance")
-        if matrix.shape != (6, 6) or (np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix).max()).any():
+        parameters = tuple(getattr(covariance, "names", ())[6:])
+        matrix, size = finite_numbers(getattr(covariance, "matrix", covariance), "covariance"), 6 + len(parameters)
+        if matrix.shape != (size, size) or (np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix).max()).any():
             raise InputError(
                 f"covariance is {shown(covariance)}; expected a fit, its covariance(), or a symmetric (6, 6) matrix of "
                 "x, y, z, vx, vy, vz in the units and axes of the system."
             )
-        return cls(the_body(system, body), matrix)
+        return cls(the_body(system, body), matrix, parameters)
 
 
 def the_body(system: System, body: str | None) -> str:
@@ -82,10 +86,16 @@ def spread(run: Trajectory, given: Uncertain, times: Array, others: Sequence[str
     ahead, place = np.unique(np.abs(times), return_inverse=True)
     grid = TimeGrid(run.clock, ahead * run.clock.direction)
     require_followable(alone, run.integrator, grid)
-    found = state_transition_of(alone, run.integrator, grid, coupled=False)
-    D = found[body][place]
+    by: dict[str, Any] = {"parameters": parameters_of(alone, given.parameters)} if given.parameters else {}
+    found = state_transition_of(alone, run.integrator, grid, coupled=False, **by)
+
+    def columns(name: str) -> Array:
+        own = [found[name, one][..., None] for one in given.parameters]
+        return np.concatenate([found[name, body], *own], axis=-1)
+
+    D = columns(body)[place]
     if others is not None:
-        D = D - np.array([found[other, body][k] for other, k in zip(others, place.tolist(), strict=True)])
+        D = D - np.array([columns(other)[k] for other, k in zip(others, place.tolist(), strict=True)])
     return np.asarray(D @ given.matrix @ np.swapaxes(D, -1, -2))
 
 
