@@ -59,7 +59,7 @@ def _whole(axes: Axes, first: Any, planes: Mapping[str, Any]) -> None:
     axes.set_ylim(-reach, reach)
     axes.set_aspect("equal")
     axes.set_xlabel("ξ [km]")
-    axes.set_ylabel("ζ [km], later arrivals upwards")
+    axes.set_ylabel("ζ [km], later arrivals above")
     axes.legend(loc="upper right")
 
 
@@ -67,9 +67,10 @@ def _enlarged(axes: Axes, first: Any, planes: Mapping[str, Any]) -> None:
     x, y = float(first.xi.value), float(first.zeta.value)
     for k, (name, one) in enumerate(planes.items()):
         _draw(axes, one, style.PALETTE[(k + 1) % len(style.PALETTE)], name, x, y)
-    axes.set_xlabel(f"ξ − {x:,.1f} [km]")
-    axes.set_ylabel(f"ζ − ({y:,.1f}) [km]")
-    axes.set_title("the same, enlarged: ellipses of one, two and three sigmas")
+    axes.set_xlabel(f"ξ from {x:,.1f} km [km]")
+    axes.set_ylabel(f"ζ from {y:,.1f} km [km]")
+    known = any(one.matrix is not None for one in planes.values())
+    axes.set_title("enlarged" + ": ellipses of one, two, three sigmas" * known)
     axes.axis("equal")
 
 
