@@ -161,7 +161,8 @@ def _place(cells: Mapping[str, str]) -> Place | None:
     if system == "WGS84":
         if abs(two) > 90.0:
             raise Unusable(f"the latitude is {two:g}; expected -90 to 90")
-        return Place(*on_the_ellipsoid(one, two, three).tolist(), True)
+        x, y, z = on_the_ellipsoid(one, two, three)
+        return Place(x, y, z, True)
     raise Unusable(f"sys is {system!r}; expected ICRF_KM, ICRF_AU or WGS84")
 
 

@@ -24,8 +24,9 @@ from orbits.marching.stepping.motion import Motion
 from orbits.marching.tangents.of_bodies import Tangents
 from orbits.propagation.events.particles import stretches
 from orbits.propagation.marchers import bound
-from orbits.propagation.variations.following import particle_of, tangents_of
+from orbits.propagation.variations.following import particle_of
 from orbits.system import System
+from orbits.system.model import model
 from orbits.system.parameters import parameters_of, with_values
 
 Array = NDArray[np.float64]
@@ -61,6 +62,7 @@ class Arc:
         ephemeris = [term for term in system.terms if isinstance(term, InEphemeris)]
         newtonian = system.replaced(terms=ephemeris, forces=())
         self._plain = particle_of(newtonian, place, coupled=False)
+        self._newton = model(self._plain.system)
         self._own, self._count = int(self._whole.varied[0]), len(self._whole.system.names)
         self.parameters = parameters_of(self._whole.system, list(parameters))
         self._steps = [1e-3 * abs(one.value) or 1e-12 for one in self.parameters]
@@ -123,10 +125,9 @@ class Arc:
     def _nodes(self, start: Array, sign: float, times: Array) -> tuple[Array, Array]:
         """Return the times of nodes, (k,), and the derivatives there, (k, 6, 6)."""
         vectors = np.eye(6).reshape(6, 1, 2, 3).swapaxes(1, 2)
-        system = self._plain.system
-        q, v = self._moved(system, start)
-        tangents = tangents_of(self._plain._replace(system=system.replaced(q=q, v=v)), METHOD, vectors)
-        assert isinstance(tangents, Tangents)
+        system, newton = self._plain.system, self._newton
+        moved = self._moved(system, start)
+        tangents = Tangents(newton.lagrangian, newton.vectors, METHOD, self._plain.varied, *moved, vectors, None)
         nodes, matrices = [0.0], [np.eye(6)]
         for motion in self._motions(system, start, sign, times):
             for first, last in _groups(motion, self._own, len(self._whole.system.names)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Unpack
 
 import numpy as np
@@ -24,6 +25,7 @@ from orbits.fitting.observations import Observations
 from orbits.fitting.record import DELAY, OPTICAL
 from orbits.fitting.result import Fit
 from orbits.fitting.sight import Sight
+from orbits.fitting.valley import WIDE, valley, wide_range
 from orbits.forces.non_gravitational import NonGravitational
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
 from orbits.system import System
@@ -123,7 +125,9 @@ def fit(
         (q,), (v,) = problem.arc.states(found.start, np.array([later]))
         around = system
     around = _moved(around, name, np.concatenate([q, v]))
-    return _fitted(observations, given, around, around, name, parameters, roots, rejects)
+    used = np.ones(len(observations), dtype=bool)
+    used[optical] = found.used
+    return _fitted(observations, given, around, around, name, parameters, roots, rejects, used)
 
 
 def _fitted(
@@ -135,8 +139,11 @@ def _fitted(
     parameters: Sequence[str],
     roots: tuple[Root, ...],
     rejects: bool,
+    used: NDArray[np.bool_] | None = None,
 ) -> Fit:
-    """Return the fit that begins from the body in a system; alone : without other massless ones."""
+    """Return the fit that begins from the body in a system; alone : without other massless ones; used : what counts at
+    first.
+    """
     named = [f"{name}.{one}" if one in OWN else one for one in parameters]
     alone, system = (_with_force(one, name, named) for one in (alone, system))
     arc = Arc(alone, name, named)
@@ -144,18 +151,26 @@ def _fitted(
     sight = _instruments(observations, alone, name)
     problem = Problem(arc, sight, given, _correlations(observations))
     solve = with_outliers_rejected if rejects else corrected
-    found: Solution = solve(problem, start, np.ones(len(observations), dtype=bool))
+    every = np.ones(len(observations), dtype=bool)
+    found: Solution = solve(problem, start, every if used is None or not rejects else used)
     whole = with_values(system, parameters_of(system, named), found.start[6:].tolist())
-    return Fit(
+    fit = Fit(
         _moved(whole, name, found.start),
         name,
         observations,
         roots,
         u.Quantity(np.where(observations.kind[:, None] == OPTICAL, given, np.nan), u.arcsec),
+        (),
         problem,
         found,
         covariance(problem.white(found.derivatives)[found.used]),
     )
+    a, e = fit.covariance("keplerian").sigma[:2]
+    if max(e, abs(a / fit.covariance("keplerian").values[0])) < WIDE or parameters:
+        return fit
+    fit = replace(fit, range=valley(problem, found))
+    wide_range(name, fit.range).warn()
+    return fit
 
 
 def _instruments(observations: Observations, system: System, name: str) -> Instrument:

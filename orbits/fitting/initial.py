@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from orbits.errors import ConvergenceError, IntegrationError, counted
 from orbits.finding import Finding
 from orbits.fitting.correction import REJECTED, Problem, Solution, corrected, with_outliers_rejected
-from orbits.fitting.gauss import orbits_at, orbits_of, triples
 from orbits.fitting.sight import Sight
+from orbits.fitting.valley import shape
 from orbits.observing.light import C
-from orbits.units import GM_SUN
+from orbits.observing.three_directions import orbits_at, orbits_of, triples
 
 Array = NDArray[np.float64]
 
@@ -40,6 +40,9 @@ UNDECIDED = 9.0
 
 MANY = 20
 """Among fewer observations than these, outliers that are rejected may be those that would decide."""
+
+GROSS = 20.0
+"""Residuals of a beginning above so many times their median, or sigmas, do not count at first, as they lead astray."""
 
 EQUAL = 1e-3
 """Differences of chi-squared below this are none."""
@@ -158,7 +161,8 @@ def _beginnings(sight: Sight) -> Iterator[list[Root]]:
                 of_gauss.append(root)
         yield [*of_gauss, *roots(sight, choices[0], DISTANCES)]
         choices = choices[CHOICES:]
-    for three in choices:
+    # The last ones are for nights whose middle is an outlier.
+    for three in (*choices, *triples(sight.days, 0.0, CHOICES), *triples(sight.days, 1.0, CHOICES)):
         yield list(roots(sight, three))
 
 
@@ -186,7 +190,8 @@ def _followed(root: Root, problem: Problem, sight: Sight, start: Array) -> tuple
     rows = np.flatnonzero(days <= span)
     try:
         part = _part(problem, sight, rows)
-        found = with_outliers_rejected(part, start, np.ones(len(rows), dtype=bool))
+        away = np.linalg.norm(part.white(part.seen(start, np.zeros(len(rows)))[0]), axis=1)
+        found = with_outliers_rejected(part, start, away <= GROSS * max(1.0, float(np.median(away))))
         root = root._replace(rms=normalized_rms(part, found))
         if root.rms >= GOOD:
             return root, None
@@ -218,11 +223,7 @@ def _chi2(problem: Problem, found: Solution) -> float:
 
 def _fitted(root: Root, problem: Problem, sight: Sight, found: Solution) -> Root:
     """Return a root with what is known of the orbit that fits."""
-    values = problem.arc.system.values
-    sun = problem.arc.system.names.index("Sun")
-    q, v = found.start[:3] - values.q[sun], found.start[3:] - values.v[sun]
-    r = float(np.linalg.norm(q))
-    e = np.cross(v, np.cross(q, v)) / GM_SUN - q / r
+    a, e = shape(problem, found.start)
     middle = root.rows[1]
     distance = float(found.delay[middle]) * C
     from_sun = sight.here[middle] - sight.sun[middle] + distance * sight.measured[middle]
@@ -230,8 +231,8 @@ def _fitted(root: Root, problem: Problem, sight: Sight, found: Solution) -> Root
         sun_distance=float(np.linalg.norm(from_sun)),
         distance=distance,
         rms=normalized_rms(problem, found),
-        a=1.0 / (2.0 / r - float(v @ v) / GM_SUN),
-        e=float(np.linalg.norm(e)),
+        a=a,
+        e=e,
     )
 
 

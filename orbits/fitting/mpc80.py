@@ -159,7 +159,8 @@ def _on_the_way(second: str) -> Place:
     latitude = number(second[45:55], "latitude", -90.0, 90.0)
     height = second[56:61]
     above = number(height, "height", -1e3, 1e5) if height.strip() else 0.0
-    return Place(*on_the_ellipsoid(longitude, latitude, above).tolist(), True)
+    x, y, z = on_the_ellipsoid(longitude, latitude, above)
+    return Place(x, y, z, True)
 
 
 def _radar(head: Record, line: str, second: str) -> list[Record]:

@@ -17,6 +17,7 @@ from orbits.fitting.initial import Root, normalized_rms
 from orbits.fitting.observations import Observations
 from orbits.fitting.record import DELAY, DOPPLER, OPTICAL
 from orbits.fitting.uncertainty import Covariance, in_form
+from orbits.fitting.valley import Variation
 from orbits.propagation import propagate
 from orbits.propagation.variations.deviations import Uncertain, spread
 from orbits.system import System
@@ -49,6 +50,8 @@ class Fit:
     system : at the epoch of the orbit, with the body; a run from it is the fitted orbit
     name : of the body; observations : all of them, also those that were rejected
     roots : those of Gauss's equation that were tried, or none if the fit began from a given orbit
+    range : orbits from one end to the other of all that fit, where that is a wide range; see
+        `orbits.fitting.valley.Variation`. Empty where the covariance tells it
     sigma : the uncertainties of optical ones that were used, (m, 2); used : which observations count, (m,)
     """
 
@@ -57,6 +60,7 @@ class Fit:
     observations: Observations
     roots: tuple[Root, ...]
     sigma: u.Quantity
+    range: tuple[Variation, ...]
     _problem: Problem
     _found: Solution
     _matrix: Array

@@ -56,6 +56,7 @@ def _place(line: str) -> NDArray[np.float64] | None:
 WGS84 = 1
 
 
-def on_the_ellipsoid(longitude: float, latitude: float, height: float) -> NDArray[np.float64]:
-    """Return a place in the axes of the Earth, au, (3,): degrees east, degrees north, metres above WGS84."""
-    return np.asarray(erfa.gd2gc(WGS84, np.deg2rad(longitude), np.deg2rad(latitude), height) / (1e3 * AU_KM))
+def on_the_ellipsoid(longitude: float, latitude: float, height: float) -> tuple[float, float, float]:
+    """Return a place in the axes of the Earth, au: degrees east, degrees north, metres above WGS84."""
+    x, y, z = erfa.gd2gc(WGS84, np.deg2rad(longitude), np.deg2rad(latitude), height) / (1e3 * AU_KM)
+    return float(x), float(y), float(z)
