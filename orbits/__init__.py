@@ -45,9 +45,11 @@ if TYPE_CHECKING:
     from orbits.propagation.control.heartbeat import Heartbeat
     from orbits.propagation.results.shadow_energy import shadow_energy
     from orbits.propagation.resuming.verification import Verification, verify
+    from orbits.propagation.variations.encounters import entry, target_plane
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
     from orbits.regression import compare, residuals
+    from orbits.results.moid import moid
     from orbits.system import System
     from orbits.system.rigid_body import RigidBody
     from orbits.system.solar.description import solar_model
@@ -80,11 +82,13 @@ __all__ = [
     "asteroids",
     "certify",
     "compare",
+    "entry",
     "fit",
     "kepler_flow",
     "kernel",
     "march",
     "megno",
+    "moid",
     "propagate",
     "read_mpcorb",
     "read_sbdb",
@@ -93,6 +97,7 @@ __all__ = [
     "shadow_energy",
     "solar_model",
     "state_transition",
+    "target_plane",
     "verify",
     "view",
 ]
@@ -117,9 +122,11 @@ _HOME = {
     "propagation.control.heartbeat": ["Heartbeat"],
     "propagation.results.shadow_energy": ["shadow_energy"],
     "propagation.resuming.verification": ["Verification", "verify"],
+    "propagation.variations.encounters": ["entry", "target_plane"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
     "regression": ["compare", "residuals"],
+    "results.moid": ["moid"],
     "system": ["System"],
     "system.rigid_body": ["RigidBody"],
     "system.solar.description": ["solar_model"],

@@ -42,7 +42,7 @@ class MarchesAgain(Protocol):
     def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of a run."""
 
-    def closest_approaches(self, run: Trajectory) -> Approaches:
+    def closest_approaches(self, run: Trajectory, covariance: Any = None, body: str | None = None) -> Approaches:
         """Return the closest approaches of bodies; see `Trajectory.closest_approaches`."""
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
@@ -127,9 +127,14 @@ class MarchedAgain:
         self._require_method("run.at")
         return self._marches_again("run.at").at(run, t)
 
-    def closest_approaches(self) -> Approaches:
+    def closest_approaches(self, *, covariance: Any = None, body: str | None = None) -> Approaches:
         """Return the closest approaches of bodies between the start and the last step.
 
+            run.closest_approaches(covariance=fit)  # with the standard deviations of distances and times
+
+        covariance : of the start of one body: a fit, whose orbit the run begins with, its `covariance()`, or a matrix
+            (6, 6) in the units and axes of the system. It is carried along to first order by the state transition
+        body : whose covariance it is; by default that of the fit, or the only massless one
         They include all flybys within the reach of a body, each with the error it causes at the end of the run.
         The search samples the motion of each body on its own time scale: where inner planets make a star swing, the
         distance of a body far out is known to the amplitude of this swing.
@@ -137,7 +142,7 @@ class MarchedAgain:
         that was not made by `propagate` or `resume`.
         """
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.closest_approaches").closest_approaches(run)
+        return self._marches_again("run.closest_approaches").closest_approaches(run, covariance, body)
 
     def unresolved(self) -> list[Approach]:
         """Return the close passages that the step did not resolve, worst first; `propagate` warns of them.

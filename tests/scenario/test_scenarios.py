@@ -35,7 +35,7 @@ from tests.stopping import after_samples
 from ..coverings import each, every, first
 
 STUDIES = [
-    *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight"),
+    *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight", "fit"),
     *("hyperion", "liouville", "mercury", "mercury_spin", "outer_solar_system", "pendulum", "planetesimals"),
     *("pleiades", "resonance_map", "three_body_zoo", "work_precision"),
 ]
