@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Any, Unpack, overload
 
 import numpy as np
 from astropy import units as u
@@ -18,10 +18,12 @@ from orbits.fitting.arc import Arc
 from orbits.fitting.correction import Problem, Solution, corrected, covariance, with_outliers_rejected
 from orbits.fitting.initial import Root, first_solution, normalized_rms, orbits_in_doubt
 from orbits.fitting.observations import Observations
+from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_planets
 from orbits.fitting.record import OPTICAL
 from orbits.fitting.result import Fit
 from orbits.fitting.sight import Sight
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
+from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
 from orbits.units import GM_SUN
 
@@ -30,6 +32,7 @@ Array = NDArray[np.float64]
 FEWEST = 3
 
 
+@overload
 def fit(
     observations: Observations,
     system: System | None = None,
@@ -37,7 +40,16 @@ def fit(
     sigma: Any = None,
     reject: bool = True,
     **others: Unpack[NoOthers],
-) -> Fit:
+) -> Fit: ...
+
+
+@overload
+def fit(observations: OfPlanets, system: System, **options: Unpack[PlanetOptions]) -> PlanetFit: ...
+
+
+def fit(
+    observations: Any, system: System | None = None, *, sigma: Any = None, reject: bool = True, **others: Any
+) -> Fit | PlanetFit:
     """Return the orbit of a small body from its observations, with its covariance.
 
         observations = orbits.Observations.read("99942.dat")
@@ -58,6 +70,11 @@ def fit(
         which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
         the rest and 8 for each of them. `fit.rejected` has them
 
+    Or the planets of a star from the times of their transits and its radial velocities, `orbits.TransitTimes` and
+    `orbits.RadialVelocities`, with other options: see `orbits.fitting.planets.fit_planets`.
+
+        fit = orbits.fit([times, velocities], system)
+
     The model is that of the system: its forces act, too. Places are astrometric, with light time and the bending of
     light by the Sun relative to that of the stars. The known errors of star catalogues before Gaia are not taken off.
 
@@ -65,6 +82,8 @@ def fit(
     ephemeris; ConvergenceError if no orbit is found, or if the observations do not determine one; EpochError outside
     the ephemeris; and an IntegrationError where the orbit cannot be followed.
     """
+    if of_planets(observations) and sigma is None:
+        return fit_planets(observations, system, **others)
     for name in others:
         raise unknown_argument(fit, name)
     rejects = checked_flag(reject, "reject")
