@@ -116,8 +116,9 @@ def _impact_parameters(run: Run, times: Array, planet: int, star: int, towards: 
     way, speed = (x.value[:, planet] - x.value[:, star] for x in (states.q, states.v))
     way, speed = (x - (x @ towards)[:, None] * towards for x in (way, speed))
     size = np.linalg.norm(way, axis=1)
-    radius = float(states[0].radii.value[star])  # an event has found it
+    radius, other = states[0].radii.value[[star, planet]]  # an event has found them
     off = np.abs((way * speed).sum(axis=1)) > ALONG_ANOTHER * radius * np.linalg.norm(speed, axis=1)
+    off |= size > radius + other
     if off.any():
         raise InputError(
             f"run.transits: the transits of {run.names[planet]!r} were sought along another line of sight; expected "
