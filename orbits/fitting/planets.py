@@ -55,6 +55,7 @@ CONVERGED = 1e-2
 MOST_STEPS = 100
 MOST_DAMPING = 1e10
 
+
 @dataclass
 class Problem:
     """What is fitted: some elements of the planets, and a zero of each instrument.

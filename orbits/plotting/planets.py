@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from astropy import units as u
 
 from orbits.plotting import style
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 @style.look()
 def of_fit(fit: Any) -> Figure:
-    """Return a Figure with a panel for each planet, O - C in minutes, and one for radial velocities, in m/s; lines are
+    """Return a Figure with a panel for each planet, O - C in minutes, and one for radial velocities, in m/s; dashes are
     what is computed. fit : a `PlanetFit`
     """
     transits, velocities = fit.transit_residuals(), fit.velocity_residuals()
@@ -38,9 +37,8 @@ def of_fit(fit: Any) -> Figure:
 
 
 def _panel(panel: Axes, rows: Any, measured: Any, unit: u.UnitBase) -> None:
-    order = np.argsort(rows["date"].jd)
-    years = rows["date"].jyear[order]
+    years = rows["date"].jyear
     panel.axhline(0.0, color=style.GREY, lw=0.9)
-    y, bars, line = (x.to_value(unit)[order] for x in (measured, rows["sigma"], rows["computed"]))
+    y, bars, computed = (x.to_value(unit) for x in (measured, rows["sigma"], rows["computed"]))
     panel.errorbar(years, y, bars, fmt=".", ms=5, lw=0.5, color=style.BLUE)
-    panel.plot(years, line, "-", lw=0.9, color=style.VERMILION, zorder=0)
+    panel.plot(years, computed, "_", ms=12, mew=1.5, color=style.VERMILION, zorder=0)
