@@ -41,6 +41,8 @@ if TYPE_CHECKING:
     from orbits.marching.clocks.adaptive import Adaptive
     from orbits.marching.clocks.transformed import TimeTransformed
     from orbits.marching.flow import DiscretePath, Flow, march
+    from orbits.observing.line_of_sight import along
+    from orbits.observing.measured import RadialVelocities, TransitTimes
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.control.heartbeat import Heartbeat
     from orbits.propagation.results.shadow_energy import shadow_energy
@@ -69,16 +71,19 @@ __all__ = [
     "Lagrangian",
     "Motion",
     "Observations",
+    "RadialVelocities",
     "RigidBody",
     "StormerVerlet",
     "Symmetry",
     "System",
     "TimeTransformed",
     "Trajectory",
+    "TransitTimes",
     "UnitSystem",
     "Verification",
     "WisdomHolman",
     "__version__",
+    "along",
     "asteroids",
     "certify",
     "compare",
@@ -118,6 +123,8 @@ _HOME = {
     "marching.clocks.adaptive": ["Adaptive"],
     "marching.clocks.transformed": ["TimeTransformed"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
+    "observing.line_of_sight": ["along"],
+    "observing.measured": ["RadialVelocities", "TransitTimes"],
     "propagation": ["Trajectory", "propagate", "resume"],
     "propagation.control.heartbeat": ["Heartbeat"],
     "propagation.results.shadow_energy": ["shadow_energy"],

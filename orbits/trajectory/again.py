@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from orbits.archive.ended import STOPPED
 from orbits.errors import InputError
+from orbits.observing.line_of_sight import SKY, LineOfSight
 
 if TYPE_CHECKING:
+    from astropy import units as u
     from astropy.coordinates import EarthLocation
+    from astropy.table import QTable
 
     from orbits.observing import Ephemeris
     from orbits.protocols import March
@@ -233,6 +236,43 @@ class MarchedAgain:
         self._require_method("run.ephemeris")
         self._marches_again("run.ephemeris")
         return ephemeris_of(run, bodies, observer, times, H=H, G=G, attributes=attributes(run.system))
+
+    def radial_velocity(self, body: str, along: LineOfSight = SKY, times: Any = None) -> u.Quantity:
+        """Return the radial velocity of a body as an observer at infinity measures it: positive if it recedes.
+
+            run.radial_velocity("star")                                     # of elements given in frame="sky"
+            run.radial_velocity("star", orbits.along(inc=60 * u.deg), times)
+
+        body : its name; along : the line of sight, see `orbits.along`, by default z
+        times : as for `run.at`; by default those of the samples
+
+        It is relative to the barycentre, in m/s (in the unit of speed of a system without physical units), of the shape
+        of the times, which are those of the body: without light time and relativity. Raises InputError for times
+        outside the run, and if bodies merge or are changed; UnknownNameError.
+        """
+        from orbits.observing.line_of_sight import radial_velocity_of
+
+        run: Trajectory = self  # type: ignore[assignment]
+        return radial_velocity_of(run, body, along, times)
+
+    def transits(self, body: str, along: LineOfSight = SKY, star: str | None = None) -> QTable:
+        """Return a table of the transits of a body that `orbits.events.Transit` found, as seen from infinity.
+
+            run = orbits.propagate(system, ..., events=orbits.events.Transit("b", "star", observer=orbits.along()))
+            print(run.transits("b"))
+
+        body : its name; along : the line of sight of the event; star : the body behind it, if it passes several
+
+        The columns are number, date (TDB, if there is an epoch) and time of the middle, where both are closest on the
+        sky; duration, from first to fourth contact, and full_duration, from second to third (NaN without them);
+        impact_parameter, the least distance in radii of the star; and o_minus_c, the time less that of the linear
+        ephemeris with the least squares, whose t0 (a time since the epoch) and period are in its meta.
+        Raises InputError if there are no transits, or if they were sought along another line; UnknownNameError.
+        """
+        from orbits.observing.transits import transits_of
+
+        run: Trajectory = self  # type: ignore[assignment]
+        return transits_of(run, body, along, star)
 
     def _before(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""
