@@ -1,4 +1,4 @@
-"""The root finders of searches within a step: zeros of many functions at once, with their slopes and without."""
+"""The root finder of searches within a step: zeros of many functions at once, with rough slopes."""
 
 from __future__ import annotations
 
@@ -9,11 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-ROUGHLY = 1e-9
-"""The width of a bracket in which a zero is known. An extremum is known to the square of that: in its value."""
-
-ROUNDS, TINY = 200, np.finfo(np.float64).tiny
-"""The most rounds of the search for a zero, and what a zero at the end of its bracket counts as."""
+ROUNDS = 200
+"""The most rounds of the search for a zero."""
 
 PRECISION = 1e-13
 """The step of Newton's method, as a fraction of a step of the march, after which a zero is known."""
@@ -55,44 +52,3 @@ def newton(
             break
         at[going] = following[going]
     return at, following
-
-
-def root(
-    function: Callable[[Array, NDArray[np.intp]], Array], low: Array, high: Array, f_low: Array, f_high: Array
-) -> Array:
-    """Return a zero of each function in its bracket, roughly, all at once.
-
-    function : of places and of the numbers of the functions; f_low, f_high : at the ends, of different signs
-    Source: Chandrupatla (1997), Adv. Eng. Software 28, 145: inverse quadratic interpolation where it is safe, else
-    bisection.
-    """
-    # Zeros count as positive numbers, also at the ends: there may be another one between them.
-    a, b, fa, fb = high.copy(), low.copy(), *(np.where(f == 0.0, TINY, f) for f in (f_high, f_low))
-    c, fc = a.copy(), fa.copy()
-    fraction = np.full(len(a), 0.5)
-    found = np.where(np.abs(fa) < np.abs(fb), a, b)
-    going = np.arange(len(a))
-    for _ in range(ROUNDS):
-        if not len(going):
-            break
-        i = going
-        x = a[i] + fraction[i] * (b[i] - a[i])
-        fx = function(x, i)
-        same = (fx >= 0.0) == (fa[i] >= 0.0)
-        c[i], fc[i] = np.where(same, a[i], b[i]), np.where(same, fa[i], fb[i])
-        b[i], fb[i] = np.where(same, b[i], a[i]), np.where(same, fb[i], fa[i])
-        a[i], fa[i] = x, fx
-        width = np.abs(b[i] - a[i])
-        least = np.where(np.abs(fa[i]) <= np.abs(fb[i]), a[i], b[i])
-        found[i] = least
-        going = i[(fa[i] != 0.0) & (width > ROUGHLY)]
-        j = going
-        with np.errstate(all="ignore"):
-            xi, phi = (a[j] - b[j]) / (c[j] - b[j]), (fa[j] - fb[j]) / (fc[j] - fb[j])
-            alpha = (c[j] - a[j]) / (b[j] - a[j])
-            step = fa[j] / (fb[j] - fa[j]) * fc[j] / (fb[j] - fc[j])
-            step += alpha * fa[j] / (fc[j] - fa[j]) * fb[j] / (fc[j] - fb[j])
-            safe = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(step)
-            least_step = 0.5 * ROUGHLY / np.abs(b[j] - a[j])
-        fraction[j] = np.clip(np.where(safe, step, 0.5), least_step, 1.0 - least_step)
-    return found

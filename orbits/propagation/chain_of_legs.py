@@ -7,7 +7,7 @@ the grid of steps stays. What is found depends on the whole steps alone: samples
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
-from orbits.marching.legs.next_step import pass_by, step_back, take_step
+from orbits.marching.legs.next_step import pass_by, step_back
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
 from orbits.propagation.collisions.contacts import Contacts, Outcome
 from orbits.propagation.collisions.merge_and_bounce import State
@@ -197,17 +197,6 @@ class ChainOfLegs(March):
         elif self._events.interrupts:
             self._events.follow(self.bodies.now())
 
-    def steps_beyond(self, time: float) -> Iterator[Legs]:
-        """Yield marches that have taken one step each, from here to a time or beyond; this march does not move."""
-        self._settle()
-        ahead, direction = self._leg, self.clock.direction
-        while (time - ahead.time) * direction > 0.0:
-            following = self.bodies.again(ahead)
-            if not take_step(following):
-                return
-            yield following
-            ahead = following
-
     def _settle(self) -> None:
         """Go on with whole steps, once the part of a step with which a leg began is done."""
         if self._grid >= 0 and self._leg.step:
@@ -295,11 +284,13 @@ class ChainOfLegs(March):
         if within:
             begun = float(self.bodies.rows[-1, changes.TIME])
             clock = ConstantSteps(float(self.clock.time(self._grid + 1)) - begun)
-        counts[0] = 0 if within else counts[0] + former  # earlier versions counted the steps of each leg
+        counts[0] += 0 if within else former  # earlier versions counted the steps of each leg
         self._leg.close()
         self._leg = self.bodies.march(values.q[there], values.v[there], clock, begun)
         parts = {name: checkpoint[name][_corner(x.shape)] for name, x in self._leg.checkpoint().items()}
         self._leg.restore({**parts, "counts": counts})
+        if within:  # what it knows of earlier legs is of the steps of the grid; its own is the part of one
+            self._leg.home.times.step = 0
 
 
 def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:

@@ -114,7 +114,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     warnings are given, None.
 
     stopped_by : a request for several runs at once; None for one of its own
-    bar : what shows progress; None for a bar of its own
+    bar : what shows progress; None for a bar or a heartbeat of its own
     """
     system, integrator, marcher, grid, first, begin, progress, watch, accounts, steps, _, heartbeat = run
     begun, known = time.perf_counter(), len(marcher.retired())
@@ -131,30 +131,27 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             pace = Pace.from_now(marcher.time) if writer is not None and writer.has(PACE) else None
             store = SampleStore(len(system.names), room, writer, accounts, steps, watch.events, pace)
             unit, count = system.units.time, grid.whole_steps
-            own_beats = None  # those of several runs are given together
-            if bar is None:
-                wanted = progress if heartbeat is None else False
-                bar = Progress(wanted, label=integrator.label, total=grid.end, unit=unit, steps=count, begun=begin_at)
-                own_beats = heartbeat
-            beats = Beats(own_beats, system, integrator, grid, marcher, writer)
+            if bar is None and heartbeat is not None:  # that of several runs is given together
+                bar = Beats(heartbeat, system, integrator, grid, marcher, writer)
+            elif bar is None:
+                bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count, begun=begin_at)
             try:
                 try:
                     particles = ParticlesOfRun(system, integrator, marcher, grid, watch)
-                    shown = bar, beats
-                    complete = yield from _sample(system, marcher, grid, first, store, shown, stop, watch, particles)
+                    complete = yield from _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
                     watch.events.flush()
                     particles.end()
                 except (IntegrationError, Raised) as error:
                     failure = error.error if isinstance(error, Raised) else error
                     with suppress(EventError, Raised):
                         watch.events.flush()
-                finally:
-                    bar.close()
                 store.ended = _how(marcher, grid, complete, watch, failure, stop)
                 store.commit(marcher)
-                beats.end(_reached(marcher, grid, complete, watch))
+                bar.update(_reached(marcher, grid, complete, watch), marcher.step)
             except StorageError as error:
                 failure = error
+            finally:
+                bar.close()
         statistics = Statistics(
             steps=marcher.step,
             evaluations=marcher.home.stepper.evaluations,
@@ -235,12 +232,11 @@ def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:
     without a trajectory, and without warnings. Raises what a run that fails raises.
     """
     system, integrator, marcher, grid, first, *_ = run
-    beats = Beats(None, system, integrator, grid, marcher, None)
     store = SampleStore(len(system.names), len(grid) - first, writer, run.accounts, events=run.watch.events)
     try:
         marcher.compile()
         particles = ParticlesOfRun(system, integrator, marcher, grid, run.watch)
-        for _ in _sample(system, marcher, grid, first, store, (bar, beats), stop, run.watch, particles):
+        for _ in _sample(system, marcher, grid, first, store, bar, stop, run.watch, particles):
             pass
         store.commit(marcher)
     finally:
@@ -308,7 +304,7 @@ def _sample(
     grid: TimeGrid,
     first: int,
     store: SampleStore,
-    shown: tuple[Bar, Beats],
+    bar: Bar,
     stop: StopRequest,
     watch: RunEnds,
     particles: ParticlesOfRun,
@@ -317,7 +313,6 @@ def _sample(
     came to its end. The place to which the next block leads is yielded before it.
     """
     watch.begun = time.perf_counter()
-    bar, beats = shown
     places, events, index = grid.places, watch.events, first
     alone = bool(particles) or watch.callback is not None  # what looks at each sample in turn
     singly = 0  # the sample up to which blocks end before each, as a partial step from within one failed
@@ -352,7 +347,6 @@ def _sample(
                 store.add(q[:passed], v[:passed], marcher.samples.accounts()[:passed])
                 index += passed
             bar.update(marcher.time, marcher.step)
-            beats.beat_if_due()
             if failure is not None and found is None:
                 raise failure
             if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):

@@ -24,10 +24,11 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.legs.excursions.planet_excursions import Legs, PlanetExcursions
 from orbits.marching.legs.leg import Leg, available_threads
+from orbits.marching.legs.march import March
 from orbits.marching.legs.problem import Ends, Problem
 from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions
-from orbits.propagation.resuming.sample_store import ACCOUNTS, Resumable
+from orbits.propagation.resuming.sample_store import ACCOUNTS
 from orbits.system import System
 from orbits.system.derived import derived
 from orbits.system.model import Model, model, require_newtonian
@@ -133,7 +134,7 @@ def looks_for_approaches(asked: bool | None, integrator: Integrator, system: Sys
     return integrator.looks_for_approaches or bool(system.rigid) if asked is None else asked
 
 
-def restore(marcher: Resumable, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
+def restore(marcher: March, checkpoint: Mapping[str, NDArray[Any]], path: str | PathLike[str]) -> None:
     """Restore the checkpoint of the archive at `path` in a marcher of its run.
 
     Raises ArchiveError if the checkpoint does not belong to this run.

@@ -57,7 +57,7 @@ class RunEnds:
         if marcher.ended is not None:
             row, bodies = marcher.ended
             names = " and ".join(system.names[int(k)] for k in row[[BODY, OTHER]])
-            event = self.events.event_of(int(row[NUMBER]))
+            event = self.events.asked.of[int(row[NUMBER])]
             self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
             return True
         found = self.conditions.exceeded() if marcher.current.last.met == ENERGY else None
@@ -84,7 +84,7 @@ class RunEnds:
             return False
         state = marcher.state_after(found.time - marcher.time)
         at = moved_on(system, marcher, found.time, *state) if self.events.touching else None
-        happening = self.events.happening(found, state, at)
+        happening = self.events.asked.happening(found, state, at)
         then = happening.event.then
         if not isinstance(then, str):
             try:
@@ -117,8 +117,6 @@ class RunEnds:
 
     def ahead(self, marcher: March, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
-        if self.events.touching or self.events.act:
-            return self.events.before_in(cast("ChainOfLegs", marcher).steps_beyond(time), time)
         found = None
         if self.events.stops is not None:
             found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))
@@ -184,7 +182,7 @@ class ParticlesOfRun:
             return False
         search, found = first
         state = self._followed.state_at(found.time)
-        watch.end_at(system, marcher, search.happening(found, state), found.time, state)
+        watch.end_at(system, marcher, search.asked.happening(found, state), found.time, state)
         if self._kept is not None:
             # The march has gone beyond: an archive goes on from the last sample, and finds again what comes after.
             checkpoint, firm = self._kept

@@ -48,6 +48,15 @@ def _is_function(value: Any) -> bool:
     return callable(value) and not isinstance(value, type)
 
 
+def _names(value: Any) -> tuple[str, ...] | None:
+    """Return a list of names; None for anything else."""
+    try:
+        names = tuple(value)
+    except TypeError:  # also numbers that call themselves iterable
+        return None
+    return None if isinstance(value, str) or not all(isinstance(name, str) for name in names) else names
+
+
 def _check_takes_options(function: Any, scenario: str, what: str) -> None:
     """Raise InputError for a function that cannot be called with the values of the options."""
     if not _is_function(function):
@@ -151,8 +160,8 @@ class Scenario:
         from orbits.integrators import named
 
         check_label(self.name, self.title)
-        peers = self.against if isinstance(self.against, Iterable) and not isinstance(self.against, str) else (None,)
-        if not all(isinstance(peer, str) for peer in peers):
+        against = _names(self.against)
+        if against is None:
             raise InputError(
                 f"scenario {self.name!r}: against must be a list of peers' names, such as ['whfast']; "
                 f"got {shown(self.against)}."
@@ -181,7 +190,7 @@ class Scenario:
         object.__setattr__(self, "options", options)
         object.__setattr__(self, "chosen", all_values(options, self.chosen, self.name))
         object.__setattr__(self, "integrators", integrators)
-        object.__setattr__(self, "against", tuple(self.against))
+        object.__setattr__(self, "against", against)
 
     def cases(self) -> dict[str, System]:
         """Return the systems to run, by case; a scenario with one system has one case, named "".

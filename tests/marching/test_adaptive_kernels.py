@@ -19,6 +19,7 @@ from orbits.kernels.gravity.pair_sums import close_pair_accelerations, dynamical
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import Method, Model, State, Storage
 from orbits.lagrangians.newtonian import newtonian, parameters
+from orbits.marching.clocks.adaptive import root
 
 from ..problems import three_bodies
 
@@ -124,3 +125,12 @@ def test_accelerations_of_close_pairs_keep_the_digits_that_separate_them():
     assert abs(close[0, 0] / expected - 1) < 1e-15
     assert abs(plain[0, 0] / expected - 1) > 1e-5
     assert close[0, 0] * gm[0] == -close[1, 0] * gm[1]
+
+
+def test_roots_of_ratios_are_as_good_as_they_say_and_increase():
+    for bound, roots, most in (4.2e-7, np.linspace(0.95, 1.05, 101), 16), (3e-3, np.linspace(0.75, 1.3, 101), 8):
+        for n in range(1, most + 1):
+            found = np.array([root.py_func(y**n, 1.0 / n) for y in roots.tolist()])
+            assert np.abs(found / roots - 1.0).max() < bound
+    ratios = np.geomspace(1e-12, 1e12, 200).tolist()
+    assert all(np.diff([root.py_func(x, 1.0 / k) for x in ratios]).min() >= 0.0 for k in range(1, 17))

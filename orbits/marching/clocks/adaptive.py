@@ -76,8 +76,8 @@ def exponential(x):
 def root(x, power):
     """Return x^power, for x > 0 and power = 1 / n, by two of Halley's iterations from 1; increasing with x.
 
-    Within 0.2 % for roots of 0.75 ... 1.3; those further away come out nearer to 1. Unlike the power of the C library,
-    it has the same bits everywhere.
+    Within 4e-7 for roots of 0.95 ... 1.05 and n <= 16, within 0.3 % for those of 0.75 ... 1.3 and n <= 8; those further
+    away come out nearer to 1. Unlike the power of the C library, it has the same bits everywhere.
     """
     n = 1.0 / power
     x = min(max(x, SMALLEST), 1.0 / SMALLEST)

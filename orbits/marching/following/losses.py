@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array
 from orbits.kernels.search.apsides import apsides_of
 from orbits.kernels.search.record import LEAST2, MATE, ROW
-from orbits.marching.first_passage import first_passage
+from orbits.marching.first_passage import Within
 from orbits.marching.following.retirement import EJECTED, TOO_CLOSE
 from orbits.marching.stepping.failures import last_good
 from orbits.marching.watching.passage_list import BlockList
@@ -101,18 +101,15 @@ def touching(
 
     state_after : returns q and v, (n, 3), after a time, NaN for what is lost; own, body : numbers in these
     """
-
-    def apart(part: float) -> tuple[Array, Array]:
-        q, v = state_after(part * h)
-        return q[own] - q[body], v[own] - v[body]
-
+    within = Within(h, state_after(0.0), state_after(h), lambda part: state_after(part * h))
+    q, _ = within.state(0.0)
     part: float | None = 0.0
-    if float(np.linalg.norm(apart(0.0)[0])) > radius:
-        part = first_passage(apart, h, radius)
-        part = first_passage(apart, h, radius, part=(1.0, BEYOND)) if part is None else part
+    if float(np.linalg.norm(q[own] - q[body])) > radius:
+        part = within.first_passage(body, own, radius)
+        part = within.first_passage(body, own, radius, part=(1.0, BEYOND)) if part is None else part
     if part is None:
         return None
-    q, v = state_after(part * h)
+    q, v = within.state(part)
     return part, q[own], v[own]
 
 

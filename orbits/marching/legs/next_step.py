@@ -1,4 +1,4 @@
-"""The next step of a march of the same bodies: how it is taken whatever is met in it, and what lies in it."""
+"""The next steps of a march of the same bodies: how they are taken whatever is met in them, and what lies in them."""
 
 from __future__ import annotations
 
@@ -32,13 +32,17 @@ def take_step(march: MarchOfSameBodies) -> bool:
     return False
 
 
-def after_next_step(march: MarchOfSameBodies, read: Callable[[], T]) -> T:
-    """Return what a function returns after the next step; the march does not change. Raises what `approach` raises."""
+def in_next_steps(march: MarchOfSameBodies, time: float, read: Callable[[], T | None]) -> T | None:
+    """Return what a function first returns after one of the next steps, up to that which leads to a time or beyond;
+    None if it returns nothing else. The march does not change. Raises what `approach` raises.
+    """
     loop, kept = march.home.loop, march.checkpoint()
     listeners, loop.listeners = loop.listeners, []
     try:
-        take_step(march)
-        return read()
+        found = None
+        while found is None and (time - march.time) * march.clock.direction > 0.0 and take_step(march):
+            found = read()
+        return found
     finally:
         march.restore(kept)
         loop.listeners, march.last.met = listeners, None

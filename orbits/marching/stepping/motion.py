@@ -36,6 +36,10 @@ class Motion:
         """Return the number of steps."""
         return len(self.times) - 1
 
+    def end_in(self, q: Array, v: Array) -> None:
+        """Let it end exactly in a state, (n, 3) each, so that no zero falls between it and the motion from there on."""
+        self.path[-1, :, : self._partial.size] = q.T.ravel(), v.T.ravel()
+
     def with_steps(self, times: Array, path: Array, kicks: Array, lengths: Array) -> Motion:
         """Return the motion within other steps of the march."""
         return Motion(self._form, times, lengths, path, kicks if len(self.kicks) else self.kicks, self._partial)

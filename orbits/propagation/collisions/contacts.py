@@ -7,13 +7,14 @@ changes the bodies, ends the run, or is only listed.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
+from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
@@ -21,7 +22,6 @@ from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_st
 from orbits.propagation.collisions.impact import Impact, Step, impacts
 from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import Collisions
-from orbits.propagation.collisions.own_impacts import alone, own_impacts
 from orbits.propagation.events.base import Found
 from orbits.propagation.events.left import Left
 from orbits.propagation.events.particles import stretches
@@ -32,6 +32,7 @@ from orbits.trajectory.changes import of_bodies
 from orbits.trajectory.events import BODY, OTHER, TIME
 
 Array = NDArray[np.float64]
+Checkpoint = dict[str, NDArray[Any]]
 
 
 class Ahead(NamedTuple):
@@ -182,8 +183,8 @@ class Contacts:
             return None
         there = self._of.present_massive()
         for motion, ends in stretches(*within_step.towards(ahead.start.leg, time)):
-            if ends:  # so that no zero falls between the motion before the collision and that after it
-                motion.path[-1].reshape(2, -1)[:, : 3 * int(there.sum())] = q[there].T.ravel(), v[there].T.ravel()
+            if ends:
+                motion.end_in(q[there], v[there])
             found = self._events.search(motion)
             if found is not None:
                 return found
@@ -206,28 +207,49 @@ class Contacts:
         def at(time: float) -> tuple[Array, Array]:
             return whole(state_in_step(start, time), start.time)
 
-        massive = np.flatnonzero(of.present_massive())
+        massive, radii, order = np.flatnonzero(of.present_massive()), of.bodies.radii, of.integrator.order
         step = Step(start.time, after.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
         if not start.clock.changes or of.massive.all():
-            return impacts(step, of.bodies.radii, collisions.seeks, of.integrator.order)
+            return impacts(step, radii, collisions.passes, order)
         for x in (*step.before, *step.after):
             x[~of.massive] = np.nan
-        found = impacts(step, of.bodies.radii, collisions.seeks, of.integrator.order)
+        found = impacts(step, radii, collisions.passes, order)
         numbers = np.flatnonzero(of.there)
         for particle in numbers[after.home.observers.touching(after.home.loop.taken)].tolist():
             if of.bodies.present[particle]:
-                found += self._impacts_of(particle, start, after.time)
+                large = massive[radii[massive] + radii[particle] > 0.0].tolist()
+                pairs = [(min(body, particle), max(body, particle)) for body in large]
+                found += impacts(self._step_of(particle, start, step), radii, collisions.passes, order, pairs)
         return sorted(found, key=lambda x: (x.time * self._direction, x.first, x.second))
 
-    def _impacts_of(self, particle: int, start: Legs, end: float) -> list[Impact]:
-        """Return the collisions of a massless body in its own steps within one of the massive bodies, up to the first
-        after which it does not go on as before.
-        """
-        of, values = self._of, self._of.system.values
-        some = of.present_massive()
-        some[particle] = True
-        system = of_bodies(of.system, of.bodies._replace(present=some))
-        march = bound(system, of.integrator, of.clock, 1, state=(values.q[some], values.v[some]))
+    def _step_of(self, particle: int, start: Legs, step: Step) -> Step:
+        """Return a step of the massive bodies and a massless one, which covers it by steps of its own."""
+        of, values, there = self._of, self._of.system.values, self._of.present_massive()
+        there[particle] = True
+        system = of_bodies(of.system, of.bodies._replace(present=there))
+        march = bound(system, of.integrator, of.clock, 1, state=(values.q[there], values.v[there]))
         number = int((~of.massive & of.there)[:particle].sum())
-        march.restore(alone(start.checkpoint(), march.checkpoint(), number))
-        return own_impacts(march, particle, some, end, of.bodies.radii, self._collisions)
+        march.restore(_alone(start.checkpoint(), march.checkpoint(), number))
+
+        def at(time: float) -> tuple[Array, Array]:
+            q, v = np.full((2, len(there), 3), np.nan)
+            q[there], v[there] = march.state_at(Place(0, time))
+            return q, v
+
+        return step._replace(before=at(step.begin), after=at(step.end), at=at)
+
+
+def _alone(checkpoint: Checkpoint, fresh: Checkpoint, particle: int) -> Checkpoint:
+    """Return the checkpoint of a march of several particles as that of a march of one of them among the same bodies.
+
+    fresh : a checkpoint of that march; particle : the number of the one among the particles
+    """
+    out = dict(fresh)
+    for name in ("counts", "q", "q_lo", "v", "v_lo", "memory", "clock"):
+        out[name] = checkpoint[name]
+    for name in ("particle_q", "particle_q_lo", "particle_v", "particle_v_lo"):
+        out[name] = fresh[name].copy()
+        out[name][:, 0] = checkpoint[name][:, particle]
+    for name in ("particle_memory", "particle_clock", "retired"):
+        out[name] = checkpoint[name][particle : particle + 1]
+    return out

@@ -1,26 +1,25 @@
-"""The first collision within a step, to the accuracy of the orbit, by partial steps of the method.
+"""The collisions within a step, to the accuracy of the orbit, by partial steps of the method.
 
 Kernels find steps in which two bodies may touch (`orbits.kernels.search.collisions`); here the pairs are found by the
-same verdict, and the time at which the distance of each falls below the sum of its radii.
+same verdict, and the times at which the distance of each falls below the sum of its radii. A massless body that takes
+steps of its own may go round another one many times in a step: its distances are followed through all of it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.kernels.search.collisions import roughness, touching
-from orbits.marching.first_passage import first_passage, rounding_of
+from orbits.marching.first_passage import State, Within, rounding_of
 
 Array = NDArray[np.float64]
-State = tuple[Array, Array]
-
-SPACING = 2.0**-14
-"""The fraction of a step between positions of which differences are taken."""
+Pairs = Iterable[tuple[int, int]]
 
 
 class Impact(NamedTuple):
@@ -58,23 +57,29 @@ class Step(NamedTuple):
         return numbers
 
 
-def impacts(step: Step, radii: Array, seeks: Callable[[int, int], bool], order: int) -> list[Impact]:
+def impacts(
+    step: Step, radii: Array, passes: Callable[[int, int], bool | None], order: int, among: Pairs | None = None
+) -> list[Impact]:
     """Return the collisions in a step, in the order of time; of those at the same time that of the first bodies first.
 
-    radii : (n,), of all bodies; seeks : whether the collision of two bodies is looked for
-    order : of the method
-    A pair that overlaps at the beginning of the step does not collide in it.
+    radii : (n,), of all bodies; order : of the method
+    passes : whether two bodies pass through each other, and may collide again; None if their collision is not sought
+    among : pairs, the lower number first; None for those that may touch by the verdict that found the step
+
+    A pair that overlaps at the beginning of the step does not collide in it before it has parted.
     """
-    found, motion = [], _motion(step, order)
-    for i, j in candidates(step, radii, _slack(step, order)):
-        time = _time_of(motion, step, i, j, float(radii[i] + radii[j])) if seeks(i, j) else None
-        if time is not None:
-            found.append(Impact(time, i, j))
+    found, h, is_rough = [], step.end - step.begin, roughness(order) > 0.0
+    within = Within(h, step.before, step.after, lambda part: step.at(step.begin + part * h), is_rough)
+    for i, j in candidates(step, radii, _slack(step, order)) if among is None else among:
+        through = passes(i, j)
+        if through is not None:
+            times = _times_of(within, step, i, j, float(radii[i] + radii[j]))
+            found += [Impact(time, i, j) for time in (times if through else islice(times, 1))]
     direction = math.copysign(1.0, step.end - step.begin)
     return sorted(found, key=lambda impact: (impact.time * direction, impact.first, impact.second))
 
 
-def candidates(step: Step, radii: Array, slack: float) -> Iterable[tuple[int, int]]:
+def candidates(step: Step, radii: Array, slack: float) -> Pairs:
     """Yield the pairs, the lower number first, that may touch within a step, by the verdict that found the step."""
     states, found = np.array([*step.before, *step.after]), np.zeros(len(radii), dtype=bool)
     pairs: set[tuple[int, int]] = set()
@@ -91,43 +96,18 @@ def _slack(step: Step, order: int) -> float:
     return roughness(order) * abs(step.end - step.begin) * float(np.nanmax(changes, initial=0.0))
 
 
-def _motion(step: Step, order: int) -> Callable[[float], State]:
-    """Return positions at a fraction of a step, and their rates: the velocities, except for methods whose partial steps
-    move bodies otherwise (see `roughness`).
-    """
-    h, known = step.end - step.begin, {0.0: step.before, 1.0: step.after}
-
-    def state(s: float) -> State:
-        if s not in known:
-            known[s] = step.at(step.begin + s * h)
-        return known[s]
-
-    def motion(s: float) -> State:
-        q, v = state(s)
-        if roughness(order) == 0.0 or s == 0.0:
-            return q, v
-        middle = min(max(s, SPACING), 1.0 - SPACING)
-        first, second, third = (state(middle + k * SPACING)[0] for k in (-1, 0, 1))
-        bend = (s - middle) / SPACING * (third - 2.0 * second + first)
-        return q, (0.5 * (third - first) + bend) / (SPACING * h)
-
-    return motion
-
-
-def _time_of(motion: Callable[[float], State], step: Step, i: int, j: int, reach: float) -> float | None:
-    """Return the time at which a pair first touches within a step, or None if it does not."""
-    h = step.end - step.begin
-
-    def apart(s: float) -> tuple[Array, Array]:
-        q, v = motion(s)
-        return q[j] - q[i], v[j] - v[i]
-
-    part = first_passage(apart, h, reach, noise=rounding_of(reach, step.after[0][[i, j]]))
+def _times_of(within: Within, step: Step, i: int, j: int, reach: float) -> Iterator[float]:
+    """Yield the times at which the distance of a pair falls below a reach within a step."""
+    # At the nearer end: in a step of massive bodies, a massless one may go anywhere, or be lost.
+    noise = float(np.nanmin([rounding_of(reach, x[0][[i, j]]) for x in (step.before, step.after)]))
+    part = within.first_passage(i, j, reach, noise=noise)
     if part is None:
-        before, after = (float(np.linalg.norm(apart(s)[0])) for s in (0.0, 1.0))
+        before, after = (float(np.linalg.norm(x[0][j] - x[0][i])) for x in (step.before, step.after))
         if after < reach <= before:  # by rounding, or where no partial step of the method leads to
-            return step.end
-    return None if part is None else step.begin + part * h
+            yield step.end
+    while part is not None:
+        yield step.begin + part * within.length
+        part = within.first_passage(i, j, reach, part=(part, 1.0), noise=noise, waits=True)
 
 
 def overlapping(

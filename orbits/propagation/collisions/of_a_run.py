@@ -21,7 +21,7 @@ from orbits.propagation.collisions.merge_and_bounce import (
     heavier_first,
     merged,
 )
-from orbits.propagation.events.base import STOP, Touching
+from orbits.propagation.events.base import RECORD, STOP, Touching
 from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, depends_on_time, inertia, whole
 from orbits.trajectory import changes
 from orbits.trajectory.changes import Bodies, of_bodies
@@ -111,9 +111,10 @@ class Collisions:
         """Return the collisions among the rows of all events."""
         return rows[np.isin(rows[:, NUMBER], list(self._rules))]
 
-    def seeks(self, i: int, j: int) -> bool:
-        """Return whether the collision of two bodies is sought."""
-        return self.rule(i, j) is not None
+    def passes(self, i: int, j: int) -> bool | None:
+        """Return whether two bodies pass through each other where they collide; None if that is not sought."""
+        rule = self.rule(i, j)
+        return None if rule is None else rule.then == RECORD
 
     def act(
         self, system: System, bodies: Bodies, before: State, impact: Impact, known: Array, direction: float

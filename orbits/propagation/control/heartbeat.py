@@ -123,11 +123,11 @@ class Pulse:
 
 
 class Beats:
-    """The lines about a run that is marched; see `Pulse`."""
+    """The lines about a run that is marched, in place of a progress bar; see `Pulse`."""
 
     def __init__(
         self,
-        heartbeat: Heartbeat | None,
+        heartbeat: Heartbeat,
         system: System,
         integrator: Integrator,
         grid: TimeGrid,
@@ -137,16 +137,18 @@ class Beats:
         self._pulse = Pulse(heartbeat, system.units.time, grid.end, marcher.time, marcher.step)
         self._system, self._integrator, self._grid = system, integrator, grid
         self._marcher, self._writer = marcher, writer
+        self._reached = marcher.time, marcher.step
 
-    def beat_if_due(self) -> None:
-        """Give a line if it is time for it."""
-        if self._pulse.due:
-            self._pulse.beat(self._marcher.time, self._marcher.step, self._told())
+    def update(self, done: float, steps: int) -> None:
+        """Give a line if it is time for it, and there were steps since the last time."""
+        goes_on, self._reached = steps > self._reached[1], (done, steps)
+        if goes_on and self._pulse.due:
+            self._pulse.beat(done, steps, self._told())
 
-    def end(self, reached: float) -> None:
+    def close(self) -> None:
         """Give the last line, where there were others."""
         if self._pulse.beaten:
-            self._pulse.beat(reached, self._marcher.step, self._told(), last=True)
+            self._pulse.beat(*self._reached, self._told(), last=True)
 
     def _told(self) -> Iterator[str]:
         yield from drift_now(self._system, self._integrator, self._grid, self._marcher)

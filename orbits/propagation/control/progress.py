@@ -9,7 +9,7 @@ import importlib
 import sys
 import time
 from html import escape
-from typing import Any, Protocol
+from typing import Any
 
 from orbits.errors import with_unit
 from orbits.kernels.compile.compile_time import compile_time
@@ -45,7 +45,7 @@ class Progress:
         self._label, self._total, self._unit, self._steps = label, total, unit, steps
         self._from, self._steps_before = begun
         self._begun, self._compiled = time.perf_counter(), compile_time.seconds()
-        self._bar: _Bar | None = None
+        self._bar: _Terminal | _Notebook | None = None
 
     def update(self, done: float, steps: int | None = None) -> None:
         """Report `done` of the total, in units of time, and the steps so far; None where only their rate is known."""
@@ -68,14 +68,6 @@ class Progress:
             words.bar = None
             self._bar.close()
             self._bar = None
-
-
-class _Bar(Protocol):
-    def show(self, fraction: float, at: str, rate: str) -> None: ...
-
-    def say(self, text: str) -> None: ...
-
-    def close(self) -> None: ...
 
 
 class _Terminal:

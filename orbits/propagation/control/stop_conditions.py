@@ -17,8 +17,7 @@ from orbits.marching.first_passage import rounding_of
 from orbits.propagation.control.wall_clock import seconds_of
 from orbits.propagation.events.base import RECORD, STOP, Sought
 from orbits.propagation.events.functions import calling, named
-from orbits.propagation.events.kinds.of_pairs import Distance, check_names, pairs_of
-from orbits.units import quantity_from_text
+from orbits.propagation.events.kinds.of_pairs import Distance, a_distance, pairs_of
 
 if TYPE_CHECKING:
     from orbits.propagation.events.base import Bound
@@ -26,7 +25,47 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class CloserThan(Sought):
+class AtDistance(Sought):
+    """The base class of events of two bodies that pass a distance; see `CloserThan` and `FartherThan`."""
+
+    distance: Any
+    body: str | None = None
+    other: str | None = None
+
+    named = "body", "other"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "distance", a_distance(self.distance, f"{type(self).__name__}.distance"))
+
+    @staticmethod
+    def words(distance: str) -> tuple[str | None, str | None]:
+        """Return what it is called where the distance of two bodies falls below this one, and rises above it."""
+        raise NotImplementedError
+
+    def bound(self, system: System) -> list[Bound]:
+        """Return the squared distance less that of the bound."""
+        what, unit = type(self).__name__, system.units.length
+        bound = float(system.units.length_value(self.distance, what))
+        pairs, words = pairs_of(system, self.body, self.other, what), self.words(with_unit(f"{bound:g}", unit))
+        if self.then == STOP and self.body is not None and self.other is not None:
+            self._check_start(system, pairs[0], bound)
+        return [Distance(words, pairs, bound)]
+
+    def _check_start(self, system: System, pair: tuple[int, int], bound: float) -> None:
+        """Raise InputError if two bodies are where the run is to end already at its start."""
+        q, unit = system.values.q[list(pair)], system.units.length
+        apart = float(np.linalg.norm(q[1] - q[0]))
+        beyond = bound - apart if isinstance(self, CloserThan) else apart - bound
+        if beyond > rounding_of(bound, q):
+            raise InputError(
+                f"{type(self).__name__}: {self.body} and {self.other} are {with_unit(f'{apart:g}', unit)} apart at the "
+                f"start already; the bound is {with_unit(f'{bound:g}', unit)}. Give another one."
+            )
+
+
+@dataclass(frozen=True)
+class CloserThan(AtDistance):
     """Two bodies come closer than a distance, at the time at which they do on the motion itself. In `stop`, or with
     then="stop", the run ends there.
 
@@ -39,44 +78,22 @@ class CloserThan(Sought):
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
-    distance: Any
-    body: str | None = None
-    other: str | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_pair(self)
-
-    def bound(self, system: System) -> list[Bound]:
-        """Return the squared distance less that of the bound, which falls through zero."""
-        return [distances(self, system, lambda word: (f"closer than {word}", None))]
+    @staticmethod
+    def words(distance: str) -> tuple[str | None, str | None]:
+        """Return what it is called where the distance falls."""
+        return f"closer than {distance}", None
 
 
 @dataclass(frozen=True)
-class FartherThan(Sought):
-    """Two bodies get farther apart than a distance, at the time at which they do on the motion itself. In `stop`, or
-    with then="stop", the run ends there.
-
-    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
-    body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
-    then : among `events`, what happens; see `orbits.events.Event`
-
-    A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
-    there again. It stops as they part in the direction of the run; what is recorded is meant in time.
-    Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
+class FartherThan(AtDistance):
+    """Two bodies get farther apart than a distance, at the time at which they do on the motion itself; as
+    `CloserThan`. A run stops as they part in its direction.
     """
 
-    distance: Any
-    body: str | None = None
-    other: str | None = None
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_pair(self)
-
-    def bound(self, system: System) -> list[Bound]:
-        """Return the squared distance less that of the bound, which rises through zero."""
-        return [distances(self, system, lambda word: (None, f"farther than {word}"))]
+    @staticmethod
+    def words(distance: str) -> tuple[str | None, str | None]:
+        """Return what it is called where the distance rises."""
+        return None, f"farther than {distance}"
 
 
 @dataclass(frozen=True)
@@ -128,7 +145,7 @@ class Conditions:
         for c in given:
             if isinstance(c, Sought) and c.then != RECORD:
                 raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
-        self._given = [c for c in given if isinstance(c, CloserThan | FartherThan)]
+        self._given = [c for c in given if isinstance(c, AtDistance)]
         self.distances = [replace(c, then=STOP) for c in self._given]
         self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
         self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
@@ -188,40 +205,3 @@ def asks_to_stop(callback: Callable[[u.Quantity, System], object], t: u.Quantity
         if answer is None or isinstance(answer, bool | np.bool_):
             return bool(answer)
         raise InputError(f"callback returned {shown(answer)} at t = {t:.10g}; expected True, False or None.")
-
-
-def distances(
-    event: CloserThan | FartherThan, system: System, words: Callable[[str], tuple[str | None, str | None]]
-) -> Bound:
-    """Return the squared distance of two bodies less that of a bound."""
-    what = type(event).__name__
-    bound = float(system.units.length_value(event.distance, what))
-    pairs = pairs_of(system, event.body, event.other, what)
-    if event.then == STOP and event.body is not None and event.other is not None:
-        for row, other in pairs:
-            _check_start(event, system, row, np.array([other]), bound)
-    return Distance(words(with_unit(f"{bound:g}", system.units.length)), pairs, bound)
-
-
-def _check_start(condition: CloserThan | FartherThan, system: System, row: int, others: Any, bound: float) -> None:
-    """Raise InputError if a body and any of others are where the run is to end already at its start."""
-    others = others[others != row]
-    apart = np.linalg.norm(system.values.q[others] - system.values.q[row], axis=1)
-    beyond = bound - apart if isinstance(condition, CloserThan) else apart - bound
-    there = np.flatnonzero(beyond > rounding_of(bound, system.values.q[[row, *others]]))
-    if len(there):
-        unit = system.units.length
-        raise InputError(
-            f"{type(condition).__name__}: {system.names[row]} and {system.names[others[there[0]]]} are "
-            f"{with_unit(f'{apart[there[0]]:g}', unit)} apart at the start already; the bound is "
-            f"{with_unit(f'{bound:g}', unit)}. Give another one."
-        )
-
-
-def _check_pair(condition: CloserThan | FartherThan) -> None:
-    what = type(condition).__name__
-    expected = "a quantity, a number, or a text with a unit, such as '0.1 AU'"
-    distance = quantity_from_text(condition.distance, f"{what}.distance", expected)
-    object.__setattr__(condition, "distance", distance)
-    positive_number(distance.value if isinstance(distance, u.Quantity) else distance, f"{what}.distance")
-    check_names(condition, condition.body, condition.other)

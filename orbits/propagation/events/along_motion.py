@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from orbits.errors import EventError
 from orbits.marching.stepping.motion import Collected, Motion
 from orbits.propagation.events.asked import Asked
-from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Happening, Sought, Whole
+from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Whole
 from orbits.propagation.events.brackets import NotFiniteError, Stretch
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.left import Left, sides_of
@@ -19,9 +18,6 @@ from orbits.propagation.events.log import Log
 from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession
 from orbits.propagation.events.search import Zeros, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME
-
-if TYPE_CHECKING:
-    from orbits.system import System
 
 STEPS, NUMBERS = 4096, 1 << 22
 """The steps, and roughly the numbers that describe their motion, after which events are sought that only record."""
@@ -192,14 +188,6 @@ class MotionSearch:
             rows.append(self._rows(number, rising[columns], *there)[kept])
             places.append(np.array([(number, column, 0) for column in columns])[kept])
         return self._take(np.concatenate(rows), np.concatenate(places), None, t, False, True, None)
-
-    def event_of(self, number: int) -> Sought:
-        """Return the event, as it was given, to which a function belongs."""
-        return self._of[number]
-
-    def happening(self, found: Found, state: tuple[Array, Array], at: System | None = None) -> Happening:
-        """Return an event that interrupts a run; see `Asked.happening`."""
-        return self.asked.happening(found, state, at)
 
     def _seek(self, motion: Motion, firm: bool, record: bool = True, until: float | None = None) -> Found | None:
         """Find the events in a stretch of the march and record them; those after one that interrupts are left out, and

@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
 from astropy import units as u
 
 from orbits.errors import InputError, shown, with_unit
 from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Happening, Sought, Touching
 from orbits.propagation.events.left import Left, bounds_left
 from orbits.propagation.events.stops import stops_of
-from orbits.propagation.events.subjects import by_particles
 from orbits.propagation.events.to_archive import description_of
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.system import System
+
+MOST_PARTICLES = 64
+"""The most massless bodies whose events are sought: each is marched again with the bodies that have mass."""
 
 
 class Asked:
@@ -67,10 +70,40 @@ class Asked:
         return [k for k in range(len(self.of)) if self.stops is None or k not in self.stops.bounds]
 
     def by_particles(self) -> dict[tuple[int, ...], list[int]]:
-        """Return the numbers of these by the massless bodies that they are about, without those of `touching`."""
-        acts = self.act or bool(self.touching)
-        groups = by_particles(self.on_motion, self.bounds, self.of, self.system, acts)
-        return {bodies: [k for k in numbers if k not in self.touching] for bodies, numbers in groups.items()}
+        """Return the numbers of these by the numbers of the massless bodies that they are about, without those of
+        `touching`. Raises InputError for what cannot be sought of massless bodies.
+        """
+        groups: dict[tuple[int, ...], list[int]] = {}
+        for number in self.on_motion:
+            if number in self.touching:
+                continue
+            bound = self.bounds[number]
+            needed = bound.bodies()
+            concerned = np.unique(np.concatenate([bound.pairs.ravel(), [] if needed is None else needed]).astype(int))
+            particles = tuple(int(k) for k in concerned if k != NOBODY and not self.system.massive[k])
+            groups.setdefault(particles, []).append(number)
+            if particles:
+                self._check_of_particle(self.of[number], self.system.names[particles[0]])
+        if len(groups) - (() in groups) > MOST_PARTICLES:
+            raise InputError(
+                f"events of {len(groups) - (() in groups)} massless bodies; at most {MOST_PARTICLES} are followed one "
+                "by one between the samples. Seek those of fewer, or in several runs."
+            )
+        return groups
+
+    def _check_of_particle(self, event: Sought, name: str) -> None:
+        what = type(event).__name__
+        if not isinstance(event.then, str):
+            raise InputError(
+                f"{what}: {name} is a massless particle, on which nothing acts in a run: its events are recorded, or "
+                "end the run (then='stop'). Give it a small mass, such as gm=1e-20, or leave out then=..."
+            )
+        if self.act or self.touching:
+            raise InputError(
+                f"{what}: {name} is a massless particle, whose events are not sought in a run whose bodies may be "
+                "changed by others (then=...) or collide. Give it a small mass, such as gm=1e-20, or seek its events "
+                "in a run of their own."
+            )
 
     def follow(self, system: System) -> None:
         """Take bodies whose masses or radii have changed; `system` is otherwise that of the start."""

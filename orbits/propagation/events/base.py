@@ -10,6 +10,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.elements.frames import checked_frame
 from orbits.errors import EventError, InputError, shown
 from orbits.propagation.events.functions import calling, named, picklable
 
@@ -96,7 +97,16 @@ class Sought:
     collides: ClassVar[bool] = False
     """Whether it is a collision, which the march itself seeks."""
 
+    named: ClassVar[tuple[str, ...]] = ()
+    """The fields that are names of different bodies, or None."""
+
     def __post_init__(self) -> None:
+        self._check_names()
+        if hasattr(self, "direction"):
+            self._check_direction(self.direction)
+        frame = getattr(self, "frame", None)
+        if frame is not None:
+            checked_frame(frame)
         if isinstance(self.then, Action) or (isinstance(self.then, str) and self.then in (RECORD, STOP)):
             return
         if callable(self.then) and not isinstance(self.then, type):
@@ -106,6 +116,23 @@ class Sought:
             f"then = {shown(self.then)}; expected {RECORD!r}, {STOP!r}, or what is to be done: an action, or a "
             "function of the time and the system."
         )
+
+    def _check_names(self) -> None:
+        names = [getattr(self, name) for name in self.named]
+        for name in names:
+            if not isinstance(name, str | None):
+                raise InputError(f"{type(self).__name__} of {shown(name)}; expected the name of a body, or None.")
+        given = [name for name in names if name is not None]
+        if len(set(given)) < len(given):
+            raise InputError(f"{type(self).__name__}: {given[0]!r} twice; expected two bodies.")
+
+    def _check_direction(self, given: Any) -> None:
+        if isinstance(given, bool) or not isinstance(given, int | float | np.number) or given not in (-1, 0, 1):
+            raise InputError(
+                f"{type(self).__name__}: direction is {shown(given)}; expected 1 for functions that rise, -1 for those "
+                "that fall, or 0 for both."
+            )
+        object.__setattr__(self, "direction", int(given))
 
     @property
     def interrupts(self) -> bool:

@@ -118,10 +118,7 @@ class ParticleSearches:
         try:
             for motion, ends in self._motions(system, there, time):
                 if ends and end is not None:
-                    # So that a zero at the sample is in one stretch, this one or the next, whatever is rounded.
-                    path = motion.path[-1].reshape(2, -1)
-                    size = 3 * int(there.sum())
-                    path[:, :size] = end.q[there].T.ravel(), end.v[there].T.ravel()
+                    motion.end_in(end.q[there], end.v[there])
                 found = search.along(motion, first)
                 first = False
                 if found is not None:

@@ -13,9 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.marching.roots import newton, root
+from orbits.marching.roots import newton
 from orbits.propagation.events.base import Array, Bound, Whole
 from orbits.propagation.events.brackets import APART, Brackets, NotFiniteError, Stretch, brackets_of, check_finite
+
+ROUGHLY = 1e-8
+"""How close an extremum is found, as a fraction of a step, whose value is then known to the square of that; and a zero
+beside one, on the rough motion."""
 
 CLOSE = 1e-15
 """How close a zero is found, as a fraction of a step."""
@@ -129,10 +133,15 @@ def _rough_zeros(rough: Along, some: Brackets) -> tuple[Array, Array]:
     turns = np.flatnonzero(some.turns)
     if len(turns):
         own = some.of(turns)
-        k, c = own.steps, own.columns
-        at[turns] = x = root(lambda x, which: rough(k[which], x, c[which]), own.low, own.high, own.g_low, own.g_high)
-        ahead = np.where(x < 0.5, APART, -APART)
-        slope[turns] = (rough(k, x + ahead, c) - rough(k, x, c)) / ahead
+        rises = np.where(own.g_low >= 0.0, -1.0, 1.0)
+
+        def along(x: Array, which: Whole) -> tuple[Array, Array]:
+            k, c, ahead = own.steps[which], own.columns[which], np.where(x < 0.5, APART, -APART)
+            g = rough(k, x, c)
+            slope[turns[which]] = found = (rough(k, x + ahead, c) - g) / ahead
+            return rises[which] * g, rises[which] * found
+
+        _, at[turns] = newton(along, own.low, own.high, 0.5 * (own.low + own.high), ROUGHLY)
     return at, slope
 
 
@@ -232,15 +241,15 @@ def _extrema(
     sign = np.where(g_low >= 0.0, 1.0, -1.0)
     best, g_best = low.copy(), np.abs(g_low)
 
-    def slope(x: Array, which: Whole) -> Array:
+    def slopes(x: Array, which: Whole) -> tuple[Array, Array]:
         apart = APART * (high - low)[which]
         three = np.concatenate([x - apart, x, x + apart])
         g = along(np.tile(steps[which], 3), three, np.tile(columns[which], 3)).reshape(3, -1) * sign[which]
         lower = g[1] < g_best[which]
         best[which[lower]], g_best[which[lower]] = x[lower], g[1][lower]
-        found = g[2] - g[0]
-        found[g[1] < 0.0] = 0.0  # the other sign: an answer
-        return np.asarray(found)
+        slope, bend = g[2] - g[0], g[2] - 2.0 * g[1] + g[0]
+        slope[g[1] < 0.0] = 0.0  # the other sign: an answer
+        return slope, 2.0 * bend / apart
 
-    root(slope, low, high, -np.ones(len(low)), np.ones(len(low)))
+    newton(slopes, low, high, 0.5 * (low + high), ROUGHLY)
     return best, sign * g_best

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, IntegrationError
+from orbits.errors import EventError, InputError, IntegrationError
 from orbits.marching.legs import within_step
-from orbits.marching.legs.next_step import after_next_step, pass_by, step_back
+from orbits.marching.legs.next_step import in_next_steps, pass_by, step_back
 from orbits.marching.watching.leg_observers import SUSPECT
 from orbits.propagation.events.along_motion import SAME, MotionSearch
 from orbits.propagation.events.asked import Asked
@@ -130,11 +130,12 @@ class Seeking(MotionSearch):
             return None
         if not self.stops.may_end(marcher, sample):
             return None
+        end = None
         with suppress(IntegrationError):
-            end = after_next_step(marcher, lambda: Sample(marcher.time, *marcher.state()))
-            if (end.time - sample.time) * self._direction >= 0.0:
-                return self._at_a_bound(marcher, end, sample.time)
-        return self._at_a_bound(marcher, sample, sample.time)
+            end = in_next_steps(marcher, sample.time, lambda: Sample(marcher.time, *marcher.state()))
+        if end is None or (end.time - sample.time) * self._direction < 0.0:
+            end = sample
+        return self._at_a_bound(marcher, end, sample.time)
 
     def _at_a_bound(self, marcher: Legs, end: Sample, until: float) -> Found | None:
         """Return the first event that ends the run between the state of the march and another, if a pair of bodies
@@ -179,23 +180,15 @@ class Seeking(MotionSearch):
 
     def ahead(self, marcher: Legs, time: float) -> Found | None:
         """Seek the first event that interrupts the run between the state of the march and a time less than a step
-        ahead, in the whole step: it is where it is without a sample at this time. If the march cannot take the step,
-        on the way to the time.
+        ahead, in whole steps: it is where it is without a sample at this time. If the march cannot take them, on the
+        way to the time.
         """
         self.flush()
         if not self.interrupts or (time - marcher.time) * self._direction <= 0.0:
             return None
-        with suppress(IntegrationError):
-            return after_next_step(marcher, lambda: self._seek(marcher.last.motion(), False, False, time))
-        return self.before(marcher, time, record=False)
-
-    def before_in(self, steps: Iterable[Legs], time: float) -> Found | None:
-        """Seek the first event that interrupts the run up to a time, in whole steps that lead beyond it.
-
-        steps : marches that have taken one step each. Events are then where they are without a sample at this time.
-        """
-        for rest in steps:
-            found = self._seek(rest.last.motion(), False, False, time)
-            if found is not None:
-                return found
-        return None
+        try:
+            return in_next_steps(marcher, time, lambda: self._seek(marcher.last.motion(), False, False, time))
+        except EventError:
+            raise
+        except IntegrationError:
+            return self.before(marcher, time, record=False)

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from orbits.body_names import index_of
 from orbits.errors import InputError
 from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER, KIND
-from orbits.marching.first_passage import first_passage, may_pass, rounding_of
+from orbits.marching.first_passage import Within, may_pass, rounding_of
 from orbits.propagation.events.base import STOP, Array, Bound, Sample, Sought, Whole
 from orbits.propagation.events.kinds.of_pairs import Distance
 
@@ -47,67 +47,47 @@ class Stops:
 
     def may_end(self, marcher: Legs, end: Sample) -> bool:
         """Return whether a pair may pass its bound between the state of the march and another."""
-        within = _Within(marcher, end, -math.inf)
-        return any(within.may_reach(bound).any() for bound in self.bounds.values())
+        within = _up_to(marcher, end)
+        return any(_may_reach(within, 0.0, bound).any() for bound in self.bounds.values())
 
     def first(self, marcher: Legs, end: Sample, known: float) -> Passed | None:
         """Return where a pair first passes its bound between the state of the march and another, less than a step
-        ahead; None if none does.
+        ahead; None if none does. A pair that begins a run at its bound must have left it before.
 
         known : the time up to which this is known, in the direction of the run
         """
-        within = _Within(marcher, end, known)
-        found: list[Passed] = []
+        begun, within, found = marcher.time, _up_to(marcher, end), list[Passed]()
+        passed = (known - begun * math.copysign(1.0, within.length)) / abs(within.length)
+        start = min(max(passed, 0.0), 1.0)
+        q, _ = within.state(0.0)
         for (number, bound), kind in zip(self.bounds.items(), self.rows[:, KIND], strict=True):
-            sign = 1.0 if kind == CLOSER else -1.0
-            for column in np.flatnonzero(within.may_reach(bound)):
-                fraction = within.first(bound.pairs[column], bound.distance, sign)
-                if fraction is not None:
-                    found.append(Passed(number, int(column), within.time(fraction)))
-        return min(found, key=lambda one: abs(one.time - marcher.time), default=None)
+            how: dict[str, Any] = {"sign": 1.0 if kind == CLOSER else -1.0, "part": (start, 1.0)}
+            for column in np.flatnonzero(_may_reach(within, start, bound)):
+                one, other = pair = bound.pairs[column]
+                noise = rounding_of(bound.distance, q[pair])
+                is_at_bound = abs(float(np.linalg.norm(q[one] - q[other])) - bound.distance) <= noise
+                waits = begun == start == 0.0 and is_at_bound
+                part = within.first_passage(one, other, bound.distance, noise=noise, waits=waits, **how)
+                if part is not None:
+                    found.append(Passed(number, int(column), begun + part * within.length))
+        return min(found, key=lambda one: abs(one.time - begun), default=None)
 
 
-class _Within:
-    """The motion of all bodies from the state of a march to another, computed by partial steps and kept."""
+def _up_to(marcher: Legs, end: Sample) -> Within:
+    """Return the motion of all bodies from the state of a march to another."""
+    begun = marcher.time
+    length = end.time - begun
+    return Within(length, marcher.state_after(0.0), (end.q, end.v), lambda part: marcher.state_after(part * length))
 
-    def __init__(self, marcher: Legs, end: Sample, known: float) -> None:
-        self._marcher, self._begun, self._length = marcher, marcher.time, end.time - marcher.time
-        self._states: dict[float, tuple[Array, Array]] = {1.0: (end.q, end.v)}
-        passed = (known - self._begun * math.copysign(1.0, self._length)) / abs(self._length)
-        self._from = min(max(passed, 0.0), 1.0)
-        self._is_start = self._begun == 0.0
 
-    def time(self, fraction: float) -> float:
-        """Return a time."""
-        return self._begun + fraction * self._length
-
-    def may_reach(self, bound: Distance) -> Array:
-        """Return which pairs may come to their bound, by their ways at most."""
-        if self._from == 1.0:
-            return np.zeros(len(bound.pairs), dtype=bool)
-        first, second = bound.pairs.T
-        states = np.array([self._at(fraction) for fraction in (self._from, 1.0)])
-        distances, speeds = np.linalg.norm(states[:, :, first] - states[:, :, second], axis=3).swapaxes(0, 1)
-        return may_pass(distances, speeds, self._length * (1.0 - self._from), bound.distance)
-
-    def first(self, pair: Whole, bound: float, sign: float) -> float | None:
-        """Return where the distance of a pair less its bound, times a sign, first falls through zero, and beyond what
-        rounding does. A pair that begins a run at its bound must have left it before.
-        """
-
-        def apart(fraction: float) -> tuple[Array, Array]:
-            q, v = self._at(fraction)
-            return q[pair[0]] - q[pair[1]], v[pair[0]] - v[pair[1]]
-
-        noise, part = rounding_of(bound, self._at(0.0)[0][pair]), (self._from, 1.0)
-        begins = self._is_start and self._from == 0.0
-        waits = begins and abs(float(np.linalg.norm(apart(0.0)[0])) - bound) <= noise
-        return first_passage(apart, self._length, bound, sign=sign, part=part, noise=noise, waits=waits)
-
-    def _at(self, fraction: float) -> tuple[Array, Array]:
-        if fraction not in self._states:
-            self._states[fraction] = self._marcher.state_after(fraction * self._length)
-        return self._states[fraction]
+def _may_reach(within: Within, start: float, bound: Distance) -> Array:
+    """Return which pairs may come to their bound from a part of a step on, by their ways at most."""
+    if start == 1.0:
+        return np.zeros(len(bound.pairs), dtype=bool)
+    first, second = bound.pairs.T
+    states = np.array([within.state(part) for part in (start, 1.0)])
+    distances, speeds = np.linalg.norm(states[:, :, first] - states[:, :, second], axis=3).swapaxes(0, 1)
+    return may_pass(distances, speeds, within.length * (1.0 - start), bound.distance)
 
 
 def stops_of(

@@ -9,12 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.integrators.base import Integrator
 from orbits.integrators.forms import padded
-from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.following.excursion_rules import METHOD
 from orbits.propagation.events.particles import with_light
 from orbits.propagation.marchers import bound, march_of
 from orbits.system.model import continued, model, most_inner
@@ -36,8 +32,7 @@ class Walk:
     def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
         system = trajectory.system
         q, v, time = _state(trajectory, sample)
-        self._massive = system.massive
-        wanted = self._massive.copy()
+        wanted = system.massive.copy()
         wanted[list(bodies)] = True
         self.bodies = np.flatnonzero(wanted)
         step, rest = trajectory.clock.place(time)
@@ -47,14 +42,15 @@ class Walk:
         if most_inner(system) and sample >= 0:
             self._system = continued(system, accounts_of(trajectory)[sample])
         self._excursions = trajectory.excursions
-        self.marcher = self._bound(self.bodies, q[wanted], v[wanted], time)
+        self.marcher = self._bound(q[wanted], v[wanted], time)
         if self._clock.changes:
             self._begun = self.step = time
         elif rest != 0.0:
             at = self._clock.time(self.step)
             state = self.marcher.state_after(self._clock.h - rest)
-            self._continue()
-            self.marcher = self._bound(self.bodies, *state, at)
+            if most_inner(system):
+                self._system = continued(self._system, self.marcher.accounts(), [system.names[i] for i in self.bodies])
+            self.marcher = self._bound(*state, at)
         self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 
     def to(self, step: float) -> None:
@@ -75,7 +71,7 @@ class Walk:
         if not self._clock.changes:
             for k, step in enumerate(places.tolist()):
                 self.to(step)
-                q[k], v[k] = self._state()
+                q[k], v[k] = self.after(0.0)
             return q[rows], v[rows]
         ahead, k = self._clock.places(self._clock.direction * places - self._begun), 0
         while k < len(places):
@@ -90,43 +86,16 @@ class Walk:
         """Return whether steps are chosen there one by one, as on an excursion from a map."""
         return self._clock.changes or self._excursions.include(step)
 
-    def pair(self, passage: Passage) -> OnePair:
-        """Return the massive bodies together with the pair of a passage, in their present state."""
-        wanted = self._massive.copy()
-        wanted[[passage.body, passage.other]] = True
-        there = wanted[self.bodies]
-        q, v = self._state()
-        self._continue()
-        bodies = self.bodies[there]
-        start = float(self._clock.time(self.step))
-        if self.chooses(self.step) and not self._clock.changes:
-            chosen = METHOD, Adaptive().towards(self._clock.direction)
-            return OnePair(self._bound(bodies, q[there], v[there], start, *chosen), bodies, passage)
-        return OnePair(self._bound(bodies, q[there], v[there], start), bodies, passage)
+    def after(self, offset: float) -> tuple[Array, Array]:
+        """Return q and v of its bodies, (bodies, 3), a time after the beginning of the step."""
+        begun = Place(0, self.step - self._begun) if self._clock.changes else self._place
+        return self.marcher.state_at(begun._replace(rest=begun.rest + offset))
 
-    def _continue(self) -> None:
-        """Give forces the internal variables that they have at the state returned last."""
-        if most_inner(self._system):
-            names = [self._system.names[i] for i in self.bodies]
-            self._system = continued(self._system, self.marcher.accounts(), names)
-
-    def _state(self) -> tuple[Array, Array]:
-        place = Place(0, self.step - self._begun) if self._clock.changes else self._place
-        return self.marcher.state_at(place)
-
-    def _bound(
-        self,
-        bodies: NDArray[np.intp],
-        q: Array,
-        v: Array,
-        start: float,
-        integrator: Integrator | None = None,
-        clock: Clock | None = None,
-    ) -> Legs:
+    def _bound(self, q: Array, v: Array, start: float) -> Legs:
         # All massive bodies are included, so the model of the run applies.
-        values = self._system.values._replace(gm=self._system.values.gm[bodies], q=q, v=v)
-        how = integrator or self._integrator, clock or self._clock
-        return march_of(values, *how, model(self._system, bodies), start=start, underway=True)
+        values = self._system.values._replace(gm=self._system.values.gm[self.bodies], q=q, v=v)
+        how = self._integrator, self._clock
+        return march_of(values, *how, model(self._system, self.bodies), start=start, underway=True)
 
 
 class Pairs(Protocol):
@@ -142,11 +111,11 @@ class Pairs(Protocol):
 
 
 class OnePair:
-    """The massive bodies, and the massless ones of a pair, at the beginning of a step, in a march of their own."""
+    """The pair of a passage at the beginning of its step, to which a march has led."""
 
-    def __init__(self, marcher: Legs, bodies: NDArray[np.intp], passage: Passage) -> None:
-        self._marcher, self._rows = marcher, {int(body): row for row, body in enumerate(bodies)}
-        self._passage = passage
+    def __init__(self, walk: Walk, passage: Passage) -> None:
+        self._walk, self._passage = walk, passage
+        self._rows = {int(body): row for row, body in enumerate(walk.bodies)}
 
     def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
         """Return position and velocity of the body relative to the other, (m, 6), after partial steps."""
@@ -159,7 +128,7 @@ class OnePair:
         return np.zeros((1, 6)) if none else self._relative(dominant, 0.0)[None]
 
     def _relative(self, other: int, offset: float) -> Array:
-        q, v = self._marcher.state_after(offset)
+        q, v = self._walk.after(offset)
         i, j = self._rows[self._passage.body], self._rows[other]
         return np.concatenate([q[i] - q[j], v[i] - v[j]])
 

@@ -18,7 +18,7 @@ from orbits.errors import IntegrationError
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.roots import newton
-from orbits.propagation.results.passage_walks import Pairs, PairsTogether, Walk, massless_of, role_of
+from orbits.propagation.results.passage_walks import OnePair, Pairs, PairsTogether, Walk, massless_of, role_of
 from orbits.propagation.results.recording import observed_until
 from orbits.results.approaches import AT_ONCE
 from orbits.results.passages import Passage, Seen
@@ -57,6 +57,8 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Iterable[int]) -> None:
     starts: dict[int, list[int]] = {}
     for k in numbers:
         before = int(np.searchsorted(times, abs(trajectory.clock.time(seen.passages[k].step)), side="right")) - 1
+        while before >= 0 and trajectory.excursions.include(times[before] / abs(trajectory.clock.h)):
+            before -= 1  # from where the bodies left the map as in the run
         starts.setdefault(before, []).append(k)
     for sample, ones in starts.items():
         seen.estimated.update(ones)
@@ -67,7 +69,7 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Iterable[int]) -> None:
                 walk = Walk(trajectory, sample, sorted(bodies))
                 for k in some:
                     walk.to(seen.passages[k].step)
-                    pair = walk.pair(seen.passages[k])
+                    pair = OnePair(walk, seen.passages[k])
                     _keep(seen, [k], _refined(pair, trajectory, seen, [seen.passages[k]], walk.chooses(walk.step)))
         seen.refined.update(ones)
 

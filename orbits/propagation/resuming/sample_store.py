@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from orbits.archive.ended import ENDED, Ended
 from orbits.archive.pace import PACE, Pace
 from orbits.errors import ArchiveError, InputError
 from orbits.kernels.gravity.terms_and_forces import FIGURES
+from orbits.marching.legs.march import March
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 
 if TYPE_CHECKING:
@@ -36,20 +36,6 @@ ACCOUNTS = "accounts"
 
 COMMIT_SHARE = 0.25
 """Commits become rarer during a run, up to `COMMIT_SECONDS`: a failing machine loses this share of the computation."""
-
-
-class Resumable(Protocol):
-    """A march that can go on from a checkpoint."""
-
-    @property
-    def time(self) -> float:
-        """The time that it has reached."""
-
-    def checkpoint(self) -> dict[str, NDArray[Any]]:
-        """Return all that is needed to resume bit for bit, as arrays of fixed shapes."""
-
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
-        """Restore a checkpoint. Raises InputError for one that is not of this run."""
 
 
 class SampleStore:
@@ -125,7 +111,7 @@ class SampleStore:
         self._count += count
         self._next += count
 
-    def commit(self, marcher: Resumable) -> None:
+    def commit(self, marcher: March) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
             if self._events is not None:
@@ -147,7 +133,7 @@ class SampleStore:
 
 
 def checkpoint_of(
-    marcher: Resumable,
+    marcher: March,
     accounts: Array,
     events: Seeking | None = None,
     ended: Ended | None = None,

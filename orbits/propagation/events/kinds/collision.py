@@ -9,7 +9,6 @@ from orbits.body_names import index_of
 from orbits.errors import InputError, shown
 from orbits.propagation.collisions.merge_and_bounce import Bounce, Merge
 from orbits.propagation.events.base import RECORD, STOP, Bound, Sought, Touching
-from orbits.propagation.events.kinds.of_pairs import check_names
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -32,11 +31,11 @@ class Collision(Sought):
     body: str | None = None
     other: str | None = None
 
+    named = "body", "other"
     collides: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_names(self, self.body, self.other)
         if not (self.then in (RECORD, STOP) or isinstance(self.then, Merge | Bounce)):
             given = shown(getattr(self.then, "function", self.then))
             raise InputError(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.checks import positive_number
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
 from orbits.integrators.maps.dominant import DOMINANT
 from orbits.kernels.search.zeros import CLOSING, DISTANCE
 from orbits.propagation.events.base import Array, PairBound, Sought, Whole, dot
@@ -38,9 +38,10 @@ class CloseApproach(Sought):
     other: str | None = None
     within: Any = None
 
+    named = "body", "other"
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_names(self, self.body, self.other)
         if self.within is not None:
             object.__setattr__(self, "within", a_distance(self.within, "CloseApproach.within"))
 
@@ -101,9 +102,7 @@ class Pericentre(Sought):
     body: str | None = None
     primary: str | None = None
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_names(self, self.body, self.primary)
+    named = "body", "primary"
 
     def bound(self, system: System) -> list[Bound]:
         """Return q.v about the primary, which rises through zero at pericentres, and falls at apocentres."""
@@ -116,16 +115,6 @@ class Pericentre(Sought):
 @dataclass(frozen=True)
 class Apocentre(Pericentre):
     """The passages of a body through the point of its orbit that is farthest from its primary; see `Pericentre`."""
-
-
-def check_names(event: Sought, *names: Any) -> None:
-    """Raise InputError for anything but strings and None, and for a name that comes twice."""
-    for name in names:
-        if not isinstance(name, str | None):
-            raise InputError(f"{type(event).__name__} of {shown(name)}; expected the name of a body, or None.")
-    named = [name for name in names if name is not None]
-    if len(set(named)) < len(named):
-        raise InputError(f"{type(event).__name__}: {named[0]!r} twice; expected two bodies.")
 
 
 def a_distance(value: Any, what: str) -> Any:

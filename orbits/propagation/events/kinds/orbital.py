@@ -12,8 +12,8 @@ from orbits.body_names import index_of
 from orbits.checks import finite_number, is_one_of
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.propagation.events.base import NOBODY, Array, Bound, PairBound, Sought, Whole, dot
-from orbits.propagation.events.kinds.of_pairs import a_distance, check_names, pairs_of, primary_of
-from orbits.propagation.events.kinds.planes import axes_of, check_crossing, wanted
+from orbits.propagation.events.kinds.of_pairs import a_distance, pairs_of, primary_of
+from orbits.propagation.events.kinds.planes import axes_of, wanted
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -39,9 +39,10 @@ class Ejection(Sought):
     distance: Any
     body: str | None = None
 
+    named = ("body",)
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_names(self, self.body)
         object.__setattr__(self, "distance", a_distance(self.distance, "Ejection.distance"))
 
     def bound(self, system: System) -> list[Bound]:
@@ -114,9 +115,10 @@ class ElementCrossing(Sought):
     frame: str | None = field(default=None, kw_only=True)
     direction: int = field(default=0, kw_only=True)
 
+    named = "body", "primary"
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_crossing(self, self.body, self.primary)
         known = (*SIZES, *ANGLES)
         if not is_one_of(self.element, known):
             raise UnknownNameError(f"ElementCrossing of {shown(self.element)}; expected one of {', '.join(known)}.")

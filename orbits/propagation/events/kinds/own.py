@@ -13,8 +13,8 @@ from orbits.errors import EventError, InputError, shown
 from orbits.kernels.compile.user_functions import call_each
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole
 from orbits.propagation.events.functions import calling
-from orbits.propagation.events.kinds.of_pairs import check_names, pairs_of
-from orbits.propagation.events.kinds.planes import check_direction, wanted
+from orbits.propagation.events.kinds.of_pairs import pairs_of
+from orbits.propagation.events.kinds.planes import wanted
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -56,7 +56,6 @@ class Event(Sought):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_direction(self)
         if not (callable(self.function) or hasattr(self.function, "free_symbols")):
             raise InputError(
                 f"Event of {shown(self.function)}; expected a function of t, q and v, or a SymPy expression."
@@ -68,7 +67,8 @@ class Event(Sought):
         if not fits:
             raise InputError(f"Event: bodies is {shown(self.bodies)}; expected the names of one or two bodies.")
         object.__setattr__(self, "bodies", tuple(bodies))
-        check_names(self, *self.bodies)
+        if len(set(bodies)) < len(bodies):
+            raise InputError(f"Event: {bodies[0]!r} twice; expected two bodies.")
 
     @staticmethod
     def symbols(body: str) -> Any:

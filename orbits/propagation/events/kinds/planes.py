@@ -9,11 +9,10 @@ import numpy as np
 
 from orbits import checks
 from orbits.body_names import index_of
-from orbits.elements.frames import checked_frame, from_frame
-from orbits.errors import InputError, shown
+from orbits.elements.frames import from_frame
 from orbits.kernels.search.zeros import HEIGHT
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole, dot
-from orbits.propagation.events.kinds.of_pairs import check_names, pairs_of, primary_of
+from orbits.propagation.events.kinds.of_pairs import pairs_of, primary_of
 from orbits.units import quantity_from_text
 
 if TYPE_CHECKING:
@@ -37,9 +36,7 @@ class NodeCrossing(Sought):
     frame: str | None = field(default=None, kw_only=True)
     direction: int = field(default=0, kw_only=True)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_crossing(self, self.body, self.primary)
+    named = "body", "primary"
 
     def bound(self, system: System) -> list[Bound]:
         """Return the height above the plane, which rises through zero at ascending nodes."""
@@ -69,9 +66,10 @@ class PlaneCrossing(Sought):
     frame: str | None = field(default=None, kw_only=True)
     direction: int = field(default=0, kw_only=True)
 
+    named = "body", "about"
+
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_crossing(self, self.body, self.about)
         object.__setattr__(self, "normal", tuple(checks.direction(self.normal, "PlaneCrossing", width=3).tolist()))
         offset = quantity_from_text(self.offset, "PlaneCrossing.offset", "a distance, such as 0.1 * u.au")
         object.__setattr__(self, "offset", offset)
@@ -108,25 +106,6 @@ class Height(Bound):
 def axes_of(system: System, frame: str | None) -> Array:
     """Return the axes x, y and z of a frame, by default that of a system, a row each, in the axes of the system."""
     return from_frame(np.eye(3), system.frame if frame is None else frame)
-
-
-def check_crossing(event: Any, *names: Any) -> None:
-    """Raise InputError for names, a direction, or a frame that cannot be."""
-    check_names(event, *names)
-    check_direction(event)
-    if event.frame is not None:
-        checked_frame(event.frame)
-
-
-def check_direction(event: Any) -> None:
-    """Raise InputError for a direction that is none of -1, 0 and 1."""
-    given = event.direction
-    if isinstance(given, bool) or not isinstance(given, int | float | np.number) or given not in (-1, 0, 1):
-        raise InputError(
-            f"{type(event).__name__}: direction is {shown(given)}; expected 1 for functions that rise, -1 for those "
-            "that fall, or 0 for both."
-        )
-    object.__setattr__(event, "direction", int(given))
 
 
 def wanted(words: tuple[str, str], direction: int) -> tuple[str | None, str | None]:
