@@ -57,7 +57,7 @@ class MarchesAgain(Protocol):
     def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
         """Return MEGNO and Lyapunov exponents along a run; see `Trajectory.megno`."""
 
-    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+    def state_transition(self, run: Trajectory, *, coupled: bool, parameters: Sequence[str]) -> StateTransition:
         """Return the state-transition matrices at the samples of a run; see `Trajectory.state_transition`."""
 
     def retired(self, run: Trajectory) -> RetiredParticles:
@@ -187,15 +187,16 @@ class MarchedAgain:
         self._require_method("run.megno")
         return self._marches_again("run.megno").megno(run, coupled=coupled, seed=seed)
 
-    def state_transition(self, *, coupled: bool = True) -> StateTransition:
+    def state_transition(self, *, coupled: bool = True, parameters: Sequence[str] = ()) -> StateTransition:
         """Return the state-transition matrices at the samples of the run, which is marched again for it.
 
-        coupled : as in `orbits.state_transition`
+        coupled, parameters : as in `orbits.state_transition`
         Raises InputError as that does, and for a trajectory that cannot be integrated again.
         """
         run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.state_transition")
-        return self._marches_again("run.state_transition").state_transition(run, coupled=coupled)
+        again = self._marches_again("run.state_transition")
+        return again.state_transition(run, coupled=coupled, parameters=parameters)
 
     def ephemeris(
         self,

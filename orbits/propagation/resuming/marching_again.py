@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -101,15 +102,14 @@ class Replay:
         require_followable(run.system, run.integrator, grid)
         return megno_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
 
-    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+    def state_transition(self, run: Trajectory, *, coupled: bool, parameters: Sequence[str]) -> StateTransition:
         """Return the state-transition matrices at the samples of a run."""
-        from orbits.propagation.variations.following import require_followable
-        from orbits.propagation.variations.state_transition import state_transition_of
+        from orbits.propagation.variations.state_transition import asked_parameters, state_transition_of
 
         _refuse_legs(run, "the tangent vectors of run.state_transition() march")
-        grid = TimeGrid(run.clock, run.times)
-        require_followable(run.system, run.integrator, grid)
-        return state_transition_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"))
+        grid, coupled = TimeGrid(run.clock, run.times), checked_flag(coupled, "coupled")
+        asked = asked_parameters(run.system, run.integrator, grid, parameters, coupled)
+        return state_transition_of(run.system, run.integrator, grid, coupled=coupled, parameters=asked)
 
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive, as listed in its last checkpoint, and those lost between
