@@ -9,9 +9,10 @@
     python scripts/build_data.py small-body-states        # integrates those to dates from 2000 to 2030
     python scripts/build_data.py horizons P.parquet       # small bodies, from adam-core 0.6.1 on PyPI; needs pyarrow
     python scripts/build_data.py observatories ObsCodes.htm  # the MPC's codes, from its page
+    python scripts/build_data.py observations FOLDER      # of Apophis and Bennu, from the data/ of PerezHz/NEOs.jl
     python scripts/build_data.py ten-body --years 10      # integrates the reference states again and compares
 
-The second to ninth write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the
+The second to tenth write the file anew, byte for byte, and say whether its hash is the one in data/README.md; the
 last bits of integrated states may depend on the processor. The last one needs heyoka with quadruple precision.
 Each command prints what it found and ends with exit code 0 when all is as the table says, 1 otherwise.
 """
@@ -19,6 +20,7 @@ Each command prints what it found and ends with exit code 0 when all is as the t
 from __future__ import annotations
 
 import argparse
+import gzip
 import hashlib
 import json
 import re
@@ -275,6 +277,24 @@ def build_observatories(source: Path) -> bool:
     return written("mpc_observatories.txt", text[text.index("Code") : text.index("</pre>")].encode())
 
 
+OBSERVATIONS = {
+    "apophis_optical.obs80.gz": ("99942.dat",),
+    "apophis_radar.txt": ("99942_RADAR_2005_2013.dat", "99942_RADAR_2021.dat"),
+    "bennu_optical.obs80.gz": ("101955_OPTICAL_1999_2006.dat", "101955_OPTICAL_2011_2018.dat"),
+    "bennu_radar.txt": ("101955_RADAR_1999_2005.dat", "101955_RADAR_2011.dat"),
+}
+
+
+def build_observations(folder: Path) -> bool:
+    """Join the lines of files of observations; those in 80 columns are compressed, with no time of their own."""
+    good = True
+    for name, parts in OBSERVATIONS.items():
+        lines = [line for part in parts for line in (folder / part).read_text(encoding="ascii").splitlines()]
+        text = "".join(line + "\n" for line in lines).encode()
+        good &= written(name, gzip.compress(text, 9, mtime=0) if name.endswith(".gz") else text)
+    return good
+
+
 def main() -> int:
     """Run one command; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -285,6 +305,7 @@ def main() -> int:
         commands.add_parser(name).add_argument("source", type=Path, help="asteroids.dat of kstars-data")
     commands.add_parser("horizons").add_argument("source", type=Path, help="propagated_orbits.parquet of adam-core")
     commands.add_parser("observatories").add_argument("source", type=Path, help="ObsCodes.htm of the MPC")
+    commands.add_parser("observations").add_argument("source", type=Path, help="a folder: data/ of PerezHz/NEOs.jl")
     ten_body = commands.add_parser("ten-body")
     ten_body.add_argument("--years", type=int, nargs="+", default=[10], choices=[10, 100, 1000])
     arguments = parser.parse_args()
@@ -296,6 +317,8 @@ def main() -> int:
         good = build_horizons(arguments.source)
     elif arguments.command == "observatories":
         good = build_observatories(arguments.source)
+    elif arguments.command == "observations":
+        good = build_observations(arguments.source)
     elif arguments.command == "ten-body":
         good = check_ten_body(arguments.years)
     else:

@@ -30,6 +30,9 @@ FIRST_OF_UNDERSCORE = 15_500
 HALF_MONTH = "[A-HJ-Y]"
 PROVISIONAL = re.compile(rf"([I-L])(\d\d)({HALF_MONTH})([0-9A-Za-z])(\d)([A-HJ-Z])")
 EXTENDED = re.compile(rf"_([0-9A-Za-z])({HALF_MONTH})([0-9A-Za-z]{{4}})")
+COMET = re.compile(rf"([I-L])(\d\d)({HALF_MONTH})([0-9A-Za-z])(\d)([0a-z])")
+"""The last character is the fragment, 0 for none."""
+
 SURVEY = re.compile(r"(PL|T1|T2|T3)S(\d{4})")
 ANY = re.compile("|".join(f"(?:{form.pattern})" for form in (PROVISIONAL, EXTENDED, SURVEY)))
 """All packed provisional designations."""
@@ -95,3 +98,27 @@ def date(packed: str) -> int:
 def _year(year: int) -> str:
     """Return a year as it is written in designations: before 1925 with an A for the first digit."""
     return str(year) if year >= 1925 else f"A{year % 1000:03d}"
+
+
+def name(number_columns: str, designation_columns: str) -> str:
+    """Return the name of a body by columns 1-5 and 6-12 of an observation: its number if it has one, such as "99942" or
+    "1P", otherwise its designation, such as "2004 MN4" or "C/2015 A1"; what is packed in no known way as it is.
+    """
+    numbered, provisional = number_columns.strip(), designation_columns.strip()
+    if re.fullmatch(r"\d{4}[A-Z]", numbered):
+        return numbered.lstrip("0")
+    try:
+        return str(number(numbered))
+    except ValueError:
+        pass
+    try:
+        named = designation(provisional)
+    except ValueError:
+        comet = COMET.fullmatch(provisional)
+        if comet:
+            century, year, half, tens, ones, fragment = comet.groups()
+            part = "" if fragment == "0" else f"-{fragment.upper()}"
+            named = f"{CENTURIES[century] + int(year)} {half}{10 * DIGITS.index(tens) + int(ones)}{part}"
+        else:
+            named = provisional
+    return f"{numbered}/{named}" if numbered else named

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from xml.etree import ElementTree
 
 from orbits.ephemeris import AU_KM
-from orbits.fitting.places import on_the_ellipsoid
 from orbits.fitting.record import (
     DELAY,
     DOPPLER,
@@ -25,6 +24,7 @@ from orbits.fitting.record import (
     number,
     require_place,
 )
+from orbits.observing.stations import on_the_ellipsoid
 
 KINDS = ("optical", "radar", "offset", "occultation")
 """The elements of XML with an observation; of these, offsets are not used."""
@@ -57,7 +57,7 @@ def read_psv(lines: Sequence[str]) -> Iterator[Record | Ignored]:
                 raise Unusable("stands before a line with the names of the columns")
             if len(cells) > len(columns):
                 raise Unusable(f"{len(cells)} columns; expected {len(columns)}")
-            yield from _records(at, {name: x for name, x in zip(columns, cells, strict=False) if x})
+            yield from records(at, {name: x for name, x in zip(columns, cells, strict=False) if x})
         except Unusable as error:
             yield Ignored(at, str(error), line)
 
@@ -81,12 +81,13 @@ def read_xml(text: str) -> Iterator[Record | Ignored]:
     for at, element in enumerate(elements, start=1):
         cells = {x.tag: x.text.strip() for x in element.iter() if x is not element and x.text and x.text.strip()}
         try:
-            yield from _records(at, cells)
+            yield from records(at, cells)
         except Unusable as error:
             yield Ignored(at, f"element {element.tag}: {error}", " ".join(f"{a}={b}" for a, b in cells.items()))
 
 
-def _records(at: int, cells: Mapping[str, str]) -> list[Record]:
+def records(at: int, cells: Mapping[str, str]) -> list[Record]:
+    """Return what the cells of a line, by the names of their columns, give. Raises Unusable if they give nothing."""
     if cells.get("deprecated"):
         raise Unusable("deprecated: replaced by a later measurement")
     body = next((cells[name] for name in BODY if cells.get(name)), "")
@@ -160,7 +161,8 @@ def _place(cells: Mapping[str, str]) -> Place | None:
     if system == "WGS84":
         if abs(two) > 90.0:
             raise Unusable(f"the latitude is {two:g}; expected -90 to 90")
-        return on_the_ellipsoid(one, two, three)
+        x, y, z = on_the_ellipsoid(one, two, three)
+        return Place(x, y, z, True)
     raise Unusable(f"sys is {system!r}; expected ICRF_KM, ICRF_AU or WGS84")
 
 

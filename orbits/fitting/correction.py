@@ -8,14 +8,14 @@ Sources: Milani & Gronchi (2010), Theory of Orbit Determination, ch. 5; Carpino,
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import ConvergenceError, IntegrationError
+from orbits.errors import ConvergenceError, IntegrationError, counted
 from orbits.fitting.arc import Arc
-from orbits.fitting.sight import Sight
+from orbits.fitting.instruments import Instrument
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -45,8 +45,9 @@ part of the largest are rejected, so that a gross error does not drag good ones 
 class Solution:
     """A start of a body, and what it leaves.
 
-    start : (6,), au and au/d; residuals : arcseconds, (m, 2); delay : of the light, days, (m,)
-    derivatives : of what is computed by the start, arcseconds, (m, 2, 6)
+    start : (n,), au and au/d, then the values of parameters; delay : of the light, days, (m,)
+    residuals : arcseconds, or microseconds or Hz and 0, (m, 2)
+    derivatives : of what is computed by the start, (m, 2, n)
     used : which observations count, (m,); chi2 : of each observation, relative to what is expected of it after the fit
     """
 
@@ -60,10 +61,10 @@ class Solution:
 
 @dataclass(frozen=True)
 class Problem:
-    """What is fitted: arc and sight; sigma : (m, 2), arcseconds; correlation : of both coordinates, (m,)."""
+    """What is fitted: arc and what observes; sigma : (m, 2), as residuals; correlation : of both coordinates, (m,)."""
 
     arc: Arc
-    sight: Sight
+    sight: Instrument
     sigma: Array
     correlation: Array
 
@@ -73,10 +74,10 @@ class Problem:
         return self.sight.residuals(seen), seen.delay
 
     def derivatives(self, start: Array, delay: Array) -> Array:
-        """Return the derivatives of what is computed by the start, (m, 2, 6)."""
+        """Return the derivatives of what is computed by the start, (m, 2, n)."""
         times = self.sight.days - delay
         seen = self.sight.seen(*self.arc.states(start, times), delay)
-        return self.sight.derivatives(seen, self.arc.derivatives(start, times)[:, :3])
+        return self.sight.derivatives(seen, self.arc.derivatives(start, times))
 
     def white(self, x: Array) -> Array:
         """Return residuals or derivatives, (m, 2, ...), in units of their sigmas, without their correlation."""
@@ -84,10 +85,6 @@ class Problem:
         sigma, c = self.sigma.reshape(*self.sigma.shape, *more), self.correlation.reshape(-1, *more)
         first = x[:, 0] / sigma[:, 0]
         return np.stack([first, (x[:, 1] / sigma[:, 1] - c * first) / np.sqrt(1.0 - c * c)], axis=1)
-
-    def some(self, rows: NDArray[np.intp]) -> Problem:
-        """Return the problem of some of the observations."""
-        return replace(self, sight=self.sight.some(rows), sigma=self.sigma[rows], correlation=self.correlation[rows])
 
 
 def corrected(
@@ -111,7 +108,7 @@ def corrected(
         r = problem.white(residuals)[used].ravel()
         step, change = linear.step(r, damping)
         size = float(np.linalg.norm(change))
-        last = size < enough * np.sqrt(6.0)
+        last = size < enough * np.sqrt(len(now))
         try:
             tried, light = problem.seen(now + step, delay)
             found = problem.white(tried)[used].ravel()
@@ -135,7 +132,7 @@ def corrected(
 class Linear:
     """The derivatives of residuals by the start, and the parts of them in units of sigmas and of their own lengths.
 
-    derivatives : (m, 2, 6), of all observations; left, sizes, right : of those that are used; scale : lengths, (6,)
+    derivatives : (m, 2, n), of all observations; left, sizes, right : of those that are used; scale : lengths, (n,)
     """
 
     derivatives: Array
@@ -147,17 +144,17 @@ class Linear:
     @classmethod
     def of(cls, problem: Problem, derivatives: Array, used: Mask) -> Linear:
         """Return the parts. Raises ConvergenceError if the observations do not determine the start."""
-        white = problem.white(derivatives)[used].reshape(-1, 6)
+        white = problem.white(derivatives)[used].reshape(-1, derivatives.shape[2])
         scale = np.linalg.norm(white, axis=0)
-        if not (np.isfinite(scale).all() and scale.all() and len(white) >= 6):
-            raise ConvergenceError("the observations do not determine all six elements of an orbit.")
-        left, sizes, right = np.linalg.svd(white / scale, full_matrices=False)
-        if sizes[-1] < SINGULAR * sizes[0]:
-            raise ConvergenceError("the observations do not determine all six elements of an orbit.")
-        return cls(derivatives, left, sizes, right, scale)
+        if np.isfinite(scale).all() and scale.all() and len(white) >= len(scale):
+            left, sizes, right = np.linalg.svd(white / scale, full_matrices=False)
+            if sizes[-1] >= SINGULAR * sizes[0]:
+                return cls(derivatives, left, sizes, right, scale)
+        more = f" and {counted(len(scale) - 6, 'parameter')}" * (len(scale) > 6)
+        raise ConvergenceError(f"the observations do not determine all six elements of an orbit{more}.")
 
     def step(self, r: Array, damping: float) -> tuple[Array, Array]:
-        """Return the correction of the start, (6,), for residuals r in units of sigmas, and what it takes off them."""
+        """Return the correction of the start, (n,), for residuals r in units of sigmas, and what it takes off them."""
         parts = self.sizes / (self.sizes**2 + damping) * (self.left.T @ r)
         return (self.right.T @ parts) / self.scale, self.left @ (self.sizes * parts)
 
@@ -169,7 +166,7 @@ def _solution(
     less what the fit takes of it, or more for one that is not used.
     """
     white, r = problem.white(derivatives), problem.white(residuals)
-    of_fit = white @ covariance(white[used].reshape(-1, 6)) @ np.swapaxes(white, 1, 2)
+    of_fit = white @ covariance(white[used]) @ np.swapaxes(white, 1, 2)
     expected = np.eye(2) + np.where(used, -1.0, 1.0)[:, None, None] * of_fit
     # An observation that determines the orbit by itself leaves nothing: of rounding, here a thousandth.
     expected[:, [0, 1], [0, 1]] = np.maximum(expected[:, [0, 1], [0, 1]], 1e-3)
@@ -178,7 +175,8 @@ def _solution(
 
 
 def covariance(white: Array) -> Array:
-    """Return the covariance of the start by derivatives in units of sigmas, (2 m, 6)."""
+    """Return the covariance of the start by derivatives in units of sigmas, (m, 2, n)."""
+    white = white.reshape(-1, white.shape[-1])
     scale = np.linalg.norm(white, axis=0)
     _, sizes, right = np.linalg.svd(white / scale, full_matrices=False)
     half = right.T / sizes / scale[:, None]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Unpack, overload
 
 import numpy as np
 from astropy import units as u
@@ -16,126 +18,220 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, counted, shown
 from orbits.fitting.arc import Arc
 from orbits.fitting.correction import Problem, Solution, corrected, covariance, with_outliers_rejected
-from orbits.fitting.initial import Root, first_solution, normalized_rms, orbits_in_doubt
+from orbits.fitting.echoes import Echoes, bounced_nowhere
+from orbits.fitting.initial import Root, first_solution, orbits_in_doubt
+from orbits.fitting.instruments import Instrument, Together
 from orbits.fitting.observations import Observations
-from orbits.fitting.record import OPTICAL
+from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_planets
+from orbits.fitting.record import DELAY, OPTICAL
 from orbits.fitting.result import Fit
 from orbits.fitting.sight import Sight
+from orbits.fitting.valley import WIDE, valley, wide_range
+from orbits.forces.non_gravitational import NonGravitational
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
+from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
+from orbits.system.parameters import acted_on, parameters_of, with_values
 from orbits.units import GM_SUN
 
 Array = NDArray[np.float64]
 
 FEWEST = 3
 
+OWN = ("A1", "A2", "A3")
+"""Parameters that are named without the body, which is the one that is fitted."""
 
+
+@overload
 def fit(
     observations: Observations,
     system: System | None = None,
     *,
+    parameters: Sequence[str] = (),
     sigma: Any = None,
     reject: bool = True,
     **others: Unpack[NoOthers],
-) -> Fit:
+) -> Fit: ...
+
+
+@overload
+def fit(observations: OfPlanets, system: System, **options: Unpack[PlanetOptions]) -> PlanetFit: ...
+
+
+def fit(
+    observations: Any,
+    system: System | None = None,
+    *,
+    parameters: Sequence[str] = (),
+    sigma: Any = None,
+    reject: bool = True,
+    **others: Any,
+) -> Fit | PlanetFit:
     """Return the orbit of a small body from its observations, with its covariance.
 
         observations = orbits.Observations.read("99942.dat")
         fit = orbits.fit(observations)
         print(fit, fit.rejected)
+        drifting = orbits.fit(observations, fit.system, parameters=["A2"])
         run = orbits.propagate(fit.system, until="2029-05-01")
 
-    observations : optical ones of one body
+    observations : of one body, optical and of radar. Delays to the surface, as at peak power, are less by two radii of
+        the body in the system; if it has none there, by nothing, with an OrbitsWarning
     system : `System.in_ephemeris(...)`, whose epoch is that of the orbit. If it has the body, or one massless body, the
         fit begins from its orbit; otherwise, as without a system, from those that Gauss's method finds through three of
         the observations, fitted to ever longer arcs: the one with the least chi-squared, and of equal ones the one
         with the smallest eccentricity, those within 0.05 au of the observer last. An OrbitsWarning lists the orbits
         that fit a short arc as well. Without a system the epoch is the midnight (TDB) nearest to the
         second of these three, in DE440
-    sigma : uncertainties, an angle for all, or (m,), or (m, 2) for right ascension times cos(dec) and declination; by
-        default those of `observations.sigma`
+    parameters : what is fitted besides the state: "A1", "A2", "A3" of the body, which begin at 0, as g = (1 au / r)^2
+        (`NonGravitational.yarkovsky`), if no such force acts in the system; and others of it, "Ceres.gm", "Earth.J2"
+    sigma : uncertainties of optical ones, an angle for all, or (m,), or (m, 2) for right ascension times cos(dec) and
+        declination; by default those of `observations.sigma`
     reject : whether outliers are rejected, after Carpino, Milani & Chesley (2003): those whose chi-squared is above 8,
         which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
         the rest and 8 for each of them. `fit.rejected` has them
 
+    Or the planets of a star from the times of their transits and its radial velocities, `orbits.TransitTimes` and
+    `orbits.RadialVelocities`, with other options: see `orbits.fitting.planets.fit_planets`.
+
+        fit = orbits.fit([times, velocities], system)
+
     The model is that of the system: its forces act, too. Places are astrometric, with light time and the bending of
     light by the Sun relative to that of the stars. The known errors of star catalogues before Gaia are not taken off.
 
-    Raises InputError for fewer than three observations, those of several bodies, radar, and a system that is not in an
-    ephemeris; ConvergenceError if no orbit is found, or if the observations do not determine one; EpochError outside
-    the ephemeris; and an IntegrationError where the orbit cannot be followed.
+    Raises InputError for fewer than three observations, those of several bodies, radar alone without a start, and a
+    system that is not in an ephemeris; UnknownNameError for other parameters; ConvergenceError if no orbit is found, or
+    if the observations do not determine one; EpochError outside the ephemeris; and an IntegrationError where the orbit
+    cannot be followed.
     """
+    if of_planets(observations):
+        if len(parameters) or sigma is not None or reject is not True:
+            raise InputError(
+                "parameters, sigma and reject are for observations of small bodies; expected for transits and radial "
+                "velocities: elements, jitter, interacting."
+            )
+        return fit_planets(observations, system, **others)
     for name in others:
         raise unknown_argument(fit, name)
     rejects = checked_flag(reject, "reject")
     _check(observations)
     given = _sigma(observations, sigma)
-    times = observations.time
-    correlation = np.array([one.correlation for one in observations.records])
     if system is not None:
         _check_system(system)
         massless = [name for name, massive in zip(system.names, system.massive, strict=True) if not massive]
         own = _own_name(observations, massless)
         if own is not None:
-            arc = Arc(_alone(system, massless, own), own)
-            problem = Problem(arc, Sight(observations.records, times, system.epoch), given, correlation)
-            return _fitted(observations, problem, _start_of(system, own), (), system, own, rejects)
-    name = observations.bodies[0]
-    middle = Time(np.floor(np.median(times.jd)) + 0.5, format="jd", scale="tdb")
-    sight = Sight(observations.records, times, middle)
+            return _fitted(observations, given, _alone(system, massless, own), system, own, parameters, (), rejects)
+    name, optical = observations.bodies[0], observations.kind == OPTICAL
+    places = observations[optical]
+    if len(places) < FEWEST:
+        raise InputError(
+            f"{len(places)} optical observations give no beginning; expected {FEWEST} at least, or the body in the "
+            "system: orbits.fit(observations, system)."
+        )
+    middle = Time(np.floor(np.median(places.time.jd)) + 0.5, format="jd", scale="tdb")
+    sight = Sight(places.records, places.time, middle)
 
-    def prepared(root: Root) -> tuple[Problem, Array]:
+    def prepared(root: Root) -> tuple[Problem, Sight, Array]:
         day = float(np.round(root.day))
         epoch = middle + day * u.day
         around = System.in_ephemeris(epoch=epoch) if system is None else _at(system, epoch)
         q, v = any_two_body(root.state[:3], root.state[3:], GM_SUN, day - root.day)
         start = np.concatenate([q, v]) + _start_of(around, "Sun")
+        seen = sight.since(day)
         arc = Arc(_with_body(around, name, start), name)
-        return Problem(arc, sight.since(day), given, correlation), start
+        return Problem(arc, seen, given[optical], _correlations(places)), seen, start
 
     problem, found, roots, undecided = first_solution(sight, prepared)
     if undecided:
         orbits_in_doubt(name, undecided).warn()
-    rejects = rejects and not found.used.all()  # the search has weighed what to reject
+    if optical.all() and not parameters:
+        rejects = rejects and not found.used.all()  # the search has weighed what to reject
     around = problem.arc.system
-    epoch = around.epoch if system is None else system.epoch
-    assert epoch is not None  # a system in an ephemeris has one
-    later = float((epoch - around.epoch).to_value(u.day))
-    if system is None or later == 0.0:
-        return _fitted(observations, problem, found.start, roots, around, name, rejects)
-    q, v = problem.arc.states(found.start, np.array([later]))
-    start = np.concatenate([q[0], v[0]])
-    around = _with_body(system, name, start)
-    problem = Problem(Arc(around, name), Sight(observations.records, times, system.epoch), given, correlation)
-    return _fitted(observations, problem, start, roots, around, name, rejects)
+    q, v = found.start[:3], found.start[3:]
+    if system is not None:
+        assert system.epoch is not None  # a system in an ephemeris has one
+        later = float((system.epoch - around.epoch).to_value(u.day))
+        (q,), (v,) = problem.arc.states(found.start, np.array([later]))
+        around = system
+    around = _moved(around, name, np.concatenate([q, v]))
+    used = np.ones(len(observations), dtype=bool)
+    used[optical] = found.used
+    return _fitted(observations, given, around, around, name, parameters, roots, rejects, used)
 
 
 def _fitted(
     observations: Observations,
-    problem: Problem,
-    start: Array,
-    roots: tuple[Root, ...],
+    given: Array,
+    alone: System,
     system: System,
     name: str,
+    parameters: Sequence[str],
+    roots: tuple[Root, ...],
     rejects: bool,
+    used: NDArray[np.bool_] | None = None,
 ) -> Fit:
+    """Return the fit that begins from the body in a system; alone : without other massless ones; used : what counts at
+    first.
+    """
+    named = [f"{name}.{one}" if one in OWN else one for one in parameters]
+    alone, system = (_with_force(one, name, named) for one in (alone, system))
+    arc = Arc(alone, name, named)
+    start = np.concatenate([_start_of(alone, name), [one.value for one in arc.parameters]])
+    sight = _instruments(observations, alone, name)
+    problem = Problem(arc, sight, given, _correlations(observations))
     solve = with_outliers_rejected if rejects else corrected
-    found: Solution = solve(problem, start, np.ones(len(observations), dtype=bool))
-    white = problem.white(found.derivatives)[found.used].reshape(-1, 6)
-    q, v = system.values.q.copy(), system.values.v.copy()
-    place = system.names.index(name)
-    q[place], v[place] = found.start[:3], found.start[3:]
-    sigma = u.Quantity(problem.sigma, u.arcsec)
-    return Fit(
-        system.replaced(q=q, v=v),
+    every = np.ones(len(observations), dtype=bool)
+    found: Solution = solve(problem, start, every if used is None or not rejects else used)
+    whole = with_values(system, parameters_of(system, named), found.start[6:].tolist())
+    fit = Fit(
+        _moved(whole, name, found.start),
         name,
         observations,
         roots,
-        sigma,
+        u.Quantity(np.where(observations.kind[:, None] == OPTICAL, given, np.nan), u.arcsec),
+        (),
+        problem,
         found,
-        covariance(white),
-        normalized_rms(problem, found),
+        covariance(problem.white(found.derivatives)[found.used]),
     )
+    a, e = fit.covariance("keplerian").sigma[:2]
+    if max(e, abs(a / fit.covariance("keplerian").values[0])) < WIDE or parameters:
+        return fit
+    fit = replace(fit, range=valley(problem, found))
+    wide_range(name, fit.range).warn()
+    return fit
+
+
+def _instruments(observations: Observations, system: System, name: str) -> Instrument:
+    """Return what the observations are of."""
+    optical, epoch = observations.kind == OPTICAL, system.epoch
+    if optical.all():
+        return Sight(observations.records, observations.time, epoch)
+    radar, radii = observations[~optical], system.radii
+    radius = 0.0 if radii is None else float(radii[system.names.index(name)].to_value(u.au))
+    if radius == 0.0 and any(one.surface and one.kind == DELAY for one in radar.records):
+        bounced_nowhere(name).warn()
+    echoes = Echoes(radar.records, radar.time, epoch, radius)
+    if not optical.any():
+        return echoes
+    places = observations[optical]
+    rows = [np.flatnonzero(x) for x in (optical, ~optical)]
+    return Together([Sight(places.records, places.time, epoch), echoes], rows)
+
+
+def _with_force(system: System, name: str, parameters: Sequence[str]) -> System:
+    """Return a system in which something has the parameters of the body that are asked for: a force of size 0 if none
+    does.
+    """
+    known = any(isinstance(force, NonGravitational) and name in acted_on(system, force) for force in system.forces)
+    if known or not any(one in parameters for one in (f"{name}.{own}" for own in OWN)):
+        return system
+    return system.with_forces(NonGravitational.yarkovsky(0.0 * u.au / u.day**2, bodies=[name]))
+
+
+def _correlations(observations: Observations) -> Array:
+    return np.array([one.correlation for one in observations.records])
 
 
 def _check(observations: Any) -> None:
@@ -149,12 +245,6 @@ def _check(observations: Any) -> None:
             f"these are observations of {few(observations.bodies)}; expected one body: "
             f"observations.of({observations.bodies[0]!r})."
         )
-    radar = int((observations.kind != OPTICAL).sum())
-    if radar:
-        raise InputError(
-            f"{radar} of the observations are of radar, which are read but not fitted; expected optical ones: "
-            'observations[observations.kind == "optical"].'
-        )
     if len(observations) < FEWEST:
         raise InputError(f"{len(observations)} observations do not determine an orbit; expected {FEWEST} at least.")
     times = len(np.unique(observations.time.jd))
@@ -166,20 +256,24 @@ def _check(observations: Any) -> None:
 
 
 def _sigma(observations: Observations, sigma: Any) -> Array:
-    """Return the uncertainties, arcseconds, (m, 2)."""
+    """Return the uncertainties, (m, 2): arcseconds, or that of radar, microseconds or Hz, and nothing more to know."""
+    optical = observations.kind == OPTICAL
+    out = np.full((len(observations), 2), np.inf)
+    out[:, 0] = [one.sigma * (1e6 if one.kind == DELAY else 1.0) for one in observations.records]
+    out[optical] = observations[optical].sigma.to_value(u.arcsec)
     if sigma is None:
-        return np.asarray(observations.sigma.to_value(u.arcsec))
+        return out
     try:
         given = u.Quantity(sigma).to_value(u.arcsec)
-        values = np.array(np.broadcast_to(given[:, None] if given.ndim == 1 else given, (len(observations), 2)))
+        values = np.array(np.broadcast_to(given[:, None] if given.ndim == 1 else given, out.shape))
     except (u.UnitConversionError, TypeError, ValueError):
         values = np.zeros(0)
-    if not (values.size and np.isfinite(values).all() and (values > 0.0).all()):
+    if not (values.size and np.isfinite(values[optical]).all() and (values[optical] > 0.0).all()):
         raise InputError(
             f"sigma is {shown(sigma)}; expected angles above 0, one for all, ({len(observations)},) or "
             f"({len(observations)}, 2), such as 0.5 * u.arcsec."
         )
-    return values
+    return np.where(optical[:, None], values, out)
 
 
 def _check_system(system: Any) -> None:
@@ -211,6 +305,16 @@ def _start_of(system: System, name: str) -> Array:
     return np.concatenate([system.values.q[place], system.values.v[place]])
 
 
+def _moved(system: System, name: str, start: Array) -> System:
+    """Return a system with the body at a start, or with it added there."""
+    if name not in system.names:
+        return _with_body(system, name, start)
+    q, v = system.values.q.copy(), system.values.v.copy()
+    place = system.names.index(name)
+    q[place], v[place] = start[:3], start[3:6]
+    return system.replaced(q=q, v=v)
+
+
 def _with_body(system: System, name: str, start: Array) -> System:
     if name in system.names:
         raise InputError(
@@ -230,5 +334,3 @@ def _at(system: System, epoch: Time) -> System:
             "system.add(name, q=..., v=...)."
         )
     return plain
-
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 from orbits.errors import ConvergenceError, IntegrationError, counted
 from orbits.finding import Finding
 from orbits.fitting.correction import REJECTED, Problem, Solution, corrected, with_outliers_rejected
-from orbits.fitting.gauss import orbits_at, orbits_of, triples
 from orbits.fitting.sight import Sight
+from orbits.fitting.valley import shape
 from orbits.observing.light import C
-from orbits.units import GM_SUN
+from orbits.observing.three_directions import orbits_at, orbits_of, triples
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,9 @@ UNDECIDED = 9.0
 
 MANY = 20
 """Among fewer observations than these, outliers that are rejected may be those that would decide."""
+
+GROSS = 20.0
+"""Residuals of a beginning above so many times their median, or sigmas, do not count at first, as they lead astray."""
 
 EQUAL = 1e-3
 """Differences of chi-squared below this are none."""
@@ -93,12 +97,12 @@ class First(NamedTuple):
     undecided: tuple[Root, ...]
 
 
-def first_solution(sight: Sight, prepared: Callable[[Root], tuple[Problem, Array]]) -> First:
+def first_solution(sight: Sight, prepared: Callable[[Root], tuple[Problem, Sight, Array]]) -> First:
     """Return the solution for all observations: of those from all roots of three of them, or on a short arc from all
     beginnings, the one with the least chi-squared; of equal ones that with the smallest eccentricity,
     those near the observer last.
 
-    prepared : returns the problem whose epoch is near a root, and the start there
+    prepared : returns the problem whose epoch is near a root, what it sees, and the start there
     Raises ConvergenceError if no root leads to one.
     """
     tried: list[Root] = []
@@ -157,7 +161,8 @@ def _beginnings(sight: Sight) -> Iterator[list[Root]]:
                 of_gauss.append(root)
         yield [*of_gauss, *roots(sight, choices[0], DISTANCES)]
         choices = choices[CHOICES:]
-    for three in choices:
+    # The last ones are for nights whose middle is an outlier.
+    for three in (*choices, *triples(sight.days, 0.0, CHOICES), *triples(sight.days, 1.0, CHOICES)):
         yield list(roots(sight, three))
 
 
@@ -173,20 +178,27 @@ def roots(sight: Sight, three: tuple[int, int, int], distances: Array | None = N
         yield Root(three, float(np.linalg.norm(state[:3])), away, float(times[1]) - away / C, state)
 
 
-def _followed(root: Root, problem: Problem, start: Array) -> tuple[Root, Candidate | None]:
+def _part(problem: Problem, sight: Sight, rows: NDArray[np.intp]) -> Problem:
+    """Return the problem of some of the observations."""
+    return replace(problem, sight=sight.some(rows), sigma=problem.sigma[rows], correlation=problem.correlation[rows])
+
+
+def _followed(root: Root, problem: Problem, sight: Sight, start: Array) -> tuple[Root, Candidate | None]:
     """Return a root with what became of it, and the orbit that fits all observations, or None if it leads to none."""
-    days = np.abs(problem.sight.days)
+    days = np.abs(sight.days)
     span = 1.2 * max(float(days[list(root.rows)].max()), 0.05)
     rows = np.flatnonzero(days <= span)
     try:
-        found = with_outliers_rejected(problem.some(rows), start, np.ones(len(rows), dtype=bool))
-        root = root._replace(rms=normalized_rms(problem.some(rows), found))
+        part = _part(problem, sight, rows)
+        away = np.linalg.norm(part.white(part.seen(start, np.zeros(len(rows)))[0]), axis=1)
+        found = with_outliers_rejected(part, start, away <= GROSS * max(1.0, float(np.median(away))))
+        root = root._replace(rms=normalized_rms(part, found))
         if root.rms >= GOOD:
             return root, None
-        found = _without_needless_rejections(problem, _grown(problem, found, rows, span))
+        found = _without_needless_rejections(problem, _grown(problem, sight, found, rows, span))
     except (ConvergenceError, IntegrationError):
         return root, None
-    root = _fitted(root, problem, found)
+    root = _fitted(root, problem, sight, found)
     if root.rms >= GOOD or found.used.mean() <= 0.5:
         return root, None
     return root, Candidate(root, problem, found, _chi2(problem, found))
@@ -209,22 +221,18 @@ def _chi2(problem: Problem, found: Solution) -> float:
     return float((white**2).sum() + REJECTED * (~found.used).sum())
 
 
-def _fitted(root: Root, problem: Problem, found: Solution) -> Root:
+def _fitted(root: Root, problem: Problem, sight: Sight, found: Solution) -> Root:
     """Return a root with what is known of the orbit that fits."""
-    values = problem.arc.system.values
-    sun = problem.arc.system.names.index("Sun")
-    q, v = found.start[:3] - values.q[sun], found.start[3:] - values.v[sun]
-    r = float(np.linalg.norm(q))
-    e = np.cross(v, np.cross(q, v)) / GM_SUN - q / r
-    sight, middle = problem.sight, root.rows[1]
+    a, e = shape(problem, found.start)
+    middle = root.rows[1]
     distance = float(found.delay[middle]) * C
     from_sun = sight.here[middle] - sight.sun[middle] + distance * sight.measured[middle]
     return root._replace(
         sun_distance=float(np.linalg.norm(from_sun)),
         distance=distance,
         rms=normalized_rms(problem, found),
-        a=1.0 / (2.0 / r - float(v @ v) / GM_SUN),
-        e=float(np.linalg.norm(e)),
+        a=a,
+        e=e,
     )
 
 
@@ -236,20 +244,20 @@ def _are_same(one: Solution, other: Solution) -> bool:
 def normalized_rms(problem: Problem, found: Solution) -> float:
     """Return the RMS of residuals in units of their sigmas, of what is used."""
     white = problem.white(found.residuals)[found.used]
-    return float(np.sqrt(np.mean(white**2)))
+    return float(np.sqrt((white**2).sum() / np.isfinite(problem.sigma[found.used]).sum()))
 
 
-def _grown(problem: Problem, found: Solution, rows: NDArray[np.intp], span: float) -> Solution:
+def _grown(problem: Problem, sight: Sight, found: Solution, rows: NDArray[np.intp], span: float) -> Solution:
     """Return the solution for all observations, from that for those within `span` days of t = 0, by ever longer arcs.
 
     Raises ConvergenceError, or an IntegrationError, if an arc on the way has none.
     """
-    days = np.abs(problem.sight.days)
+    days = np.abs(sight.days)
     used = np.ones(len(days), dtype=bool)
     used[rows] = found.used
     while len(rows) < len(days):
         span = max(span * LONGER, float(days[days > span].min()) + 1.0)
         rows = np.flatnonzero(days <= span)
-        found = with_outliers_rejected(problem.some(rows), found.start, used[rows])
+        found = with_outliers_rejected(_part(problem, sight, rows), found.start, used[rows])
         used[rows] = found.used
     return found

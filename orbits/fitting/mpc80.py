@@ -10,9 +10,8 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from orbits.catalogue import packed
 from orbits.ephemeris import AU_KM
-from orbits.fitting.designations import unpacked
-from orbits.fitting.places import on_the_ellipsoid
 from orbits.fitting.record import (
     DELAY,
     DOPPLER,
@@ -25,6 +24,7 @@ from orbits.fitting.record import (
     number,
     require_place,
 )
+from orbits.observing.stations import on_the_ellipsoid
 
 WIDTH = 80
 MODES = " PeCTMcEHNnABVSRD"
@@ -88,7 +88,7 @@ def _records(at: int, line: str, second: Second | None) -> list[Record]:
     if second is not None and len(second.text) != WIDTH:
         raise Unusable(f"its second line has {len(second.text)} columns; expected {WIDTH}")
     jd, part = _date(line[15:32])
-    head = Record(at, OPTICAL, unpacked(line[:5], line[5:12]), jd, part, line[77:80], mode=mode.strip())
+    head = Record(at, OPTICAL, packed.name(line[:5], line[5:12]), jd, part, line[77:80], mode=mode.strip())
     if not head.body:
         raise Unusable("columns 1 to 12 name no body")
     if mode == "R":
@@ -158,7 +158,9 @@ def _on_the_way(second: str) -> Place:
     longitude = number(second[34:44], "longitude", -360.0, 360.0)
     latitude = number(second[45:55], "latitude", -90.0, 90.0)
     height = second[56:61]
-    return on_the_ellipsoid(longitude, latitude, number(height, "height", -1e3, 1e5) if height.strip() else 0.0)
+    above = number(height, "height", -1e3, 1e5) if height.strip() else 0.0
+    x, y, z = on_the_ellipsoid(longitude, latitude, above)
+    return Place(x, y, z, True)
 
 
 def _radar(head: Record, line: str, second: str) -> list[Record]:

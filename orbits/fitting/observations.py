@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import re
+import zlib
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,15 +18,21 @@ from astropy.time import Time
 from numpy.typing import NDArray
 
 from orbits.body_names import few
-from orbits.errors import InputError, counted, shown
-from orbits.fitting import ades, mpc80, weights
-from orbits.fitting.dates import dynamical
+from orbits.errors import InputError, UnknownNameError, counted, shown
+from orbits.fitting import ades, jpl_radar, mpc80, weights
 from orbits.fitting.record import OPTICAL, Ignored, Record
+from orbits.observing.clocks import dynamical
+from orbits.resources import data_path
 
 if TYPE_CHECKING:
     from astropy.table import QTable
 
 Array = NDArray[np.float64]
+
+
+BUNDLED = ("apophis", "bennu")
+GZIP = b"\x1f\x8b"
+"""The first bytes of a compressed file."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,16 +56,29 @@ class Observations:
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Return the observations in a file, of 80 columns or ADES (PSV, commas or XML), as its content tells.
+        """Return the observations in a file, of 80 columns, ADES (PSV, commas or XML), or of radar as JPL's text or
+        JSON, as its content tells; it may be compressed (gzip).
 
         Raises InputError for a file that cannot be read, or that has no line with an observation: the message has the
         first reason. All other lines that cannot be used are in `ignored`.
         """
         try:
             data = Path(path).read_bytes()
-        except (OSError, ValueError, TypeError) as error:
+            data = gzip.decompress(data) if data.startswith(GZIP) else data
+        except (OSError, EOFError, zlib.error, ValueError, TypeError) as error:
             raise InputError(f"the observations in {shown(path)} cannot be read: {error}") from None
         return cls.parse(_decoded(data, Path(path).name), source=Path(path).name)
+
+    @classmethod
+    def bundled(cls, name: str) -> Self:
+        """Return the observations of "apophis" or "bennu" that come with the package, optical and of radar.
+
+        Raises UnknownNameError for another name.
+        """
+        if name not in BUNDLED:
+            known = ", ".join(BUNDLED)
+            raise UnknownNameError(f"no observations of {shown(name)} are bundled; expected one of {known}.")
+        return cls.read(data_path(f"{name}_optical.obs80.gz")) + cls.read(data_path(f"{name}_radar.txt"))
 
     @classmethod
     def parse(cls, text: str, *, source: str = "text") -> Self:
@@ -71,6 +92,10 @@ class Observations:
             if text.lstrip().startswith("<")
             else ades.read_psv(lines)
             if any(ades.is_heading(line) for line in lines)
+            else jpl_radar.read(jpl_radar.lines_of(text))
+            if text.lstrip().startswith("{")
+            else jpl_radar.read(lines)
+            if any(jpl_radar.is_row(line) for line in lines)
             else mpc80.read(lines)
         )
         records, copies = _without_copies([one for one in found if isinstance(one, Record)])
@@ -78,7 +103,8 @@ class Observations:
         if not records:
             why = f"line {ignored[0].line}: {ignored[0].reason}" if ignored else "it is empty"
             raise InputError(
-                f"there is no observation in {source}: {why}; expected the MPC's 80 columns, or ADES as PSV or XML."
+                f"there is no observation in {source}: {why}; expected the MPC's 80 columns, ADES as PSV or "
+                "XML, or JPL's radar astrometry."
             )
         return cls(records, ignored, source=source)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from orbits import ephemeris
 from orbits.fitting.record import Record
-from orbits.observing import earth
+from orbits.observing.clocks import carried
 from orbits.observing.light import C, deflected, unit
 from orbits.observing.stations import stations
 
@@ -93,10 +93,11 @@ class Sight:
         across = [-(seen.direction * axis).sum(axis=1) for axis in (self.east, self.north)]
         return np.asarray(np.stack([np.arctan2(x, depth) for x in across], axis=1) * ARCSECONDS)
 
-    def derivatives(self, seen: Seen, of_position: Array) -> Array:
+    def derivatives(self, seen: Seen, of_state: Array) -> Array:
         """Return the derivatives of the computed right ascension times cos(dec), and declination, arcseconds,
-        (m, 2, n), by what positions of the body depend on: of_position is (m, 3, n).
+        (m, 2, n), by what states of the body depend on, (m, 6, n).
         """
+        of_position = of_state[:, :3]
         along = np.einsum("mi,mij->mj", seen.direction, of_position)
         later = along / (C + (seen.direction * seen.velocity).sum(axis=1))[:, None]
         change = of_position - seen.velocity[:, :, None] * later[:, None]
@@ -116,30 +117,9 @@ class Sight:
 
 def _from_geocentre(records: tuple[Record, ...], times: Time) -> Array:
     """Return the places of observers relative to the geocentre, in the axes of the ICRF, au, (m, 3)."""
-    table = stations()
-    x, turns = np.zeros((len(records), 3)), np.ones(len(records), dtype=bool)
-    for row, one in enumerate(records):
-        if one.place is not None:
-            x[row], turns[row] = one.place[:3], one.place.turns
-        else:
-            known = table[one.station].x
-            assert known is not None  # the readers refuse others
-            x[row] = known
-    turns &= x.any(axis=1)
-    early = times.jd - earth.MJD_ZERO < earth.tables()[0].first
-    for rows, turning in ((turns & early, _by_their_clocks), (turns & ~early, _by_the_tables)):
-        if rows.any():
-            some = [one for one, is_one in zip(records, rows, strict=True) if is_one]
-            x[rows], _ = turning(some, times[rows]).carries(x[rows])
-    return x
-
-
-def _by_their_clocks(records: list[Record], times: Time) -> earth.Turning:
-    """Return how the Earth was turned before the tables of the IERS begin: observers' clocks had UT, within 0.1 s."""
+    table = stations()  # the readers refuse records without a place
+    x = np.array([table[one.station].x if one.place is None else one.place[:3] for one in records])
+    turns = np.array([one.place is None or one.place.turns for one in records]) & x.any(axis=1)
     jd, part = np.array([(one.jd, one.part) for one in records]).T
-    held = np.zeros(len(records))  # the pole, which is within 0.6 arcseconds of this, 20 m
-    return earth.turned_by(times, (jd, part), (held, held))
-
-
-def _by_the_tables(_: list[Record], times: Time) -> earth.Turning:
-    return earth.turning(times)
+    x[turns] = carried(x[turns], times[turns], jd[turns], part[turns])
+    return x

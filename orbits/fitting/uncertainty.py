@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from orbits.elements.frames import icrf_to_ecliptic
 from orbits.elements.osculating import elements_from_state
 from orbits.errors import UnknownNameError, shown
 from orbits.export import text_table
+from orbits.system.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -39,8 +41,8 @@ STEP = 1e-6
 class Covariance(NamedTuple):
     """An orbit and its covariance in some coordinates.
 
-    form : "cartesian", "keplerian" or "cometary"; names, units : of the six coordinates; values : (6,)
-    matrix : (6, 6), in products of these units
+    form : "cartesian", "keplerian" or "cometary"; names, units : of the six coordinates, then of parameters
+    values : (n,); matrix : (n, n), in products of these units
     """
 
     form: str
@@ -51,12 +53,12 @@ class Covariance(NamedTuple):
 
     @property
     def sigma(self) -> Array:
-        """The standard deviations, (6,)."""
+        """The standard deviations, (n,)."""
         return np.asarray(np.sqrt(np.diag(self.matrix)))
 
     @property
     def correlation(self) -> Array:
-        """The correlations, (6, 6)."""
+        """The correlations, (n, n)."""
         return np.asarray(self.matrix / np.outer(self.sigma, self.sigma))
 
     def __str__(self) -> str:
@@ -66,15 +68,22 @@ class Covariance(NamedTuple):
         """Return name, unit, value and sigma as text, with two digits of sigma."""
         out = []
         for name, unit, value, sigma in zip(self.names, self.units, self.values, self.sigma, strict=True):
-            digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 15)) if sigma > 0.0 else 15
-            out.append([name, str(unit), f"{value:.{digits}f}", f"{sigma:.2g}"])
+            digits = 1 - int(np.floor(np.log10(sigma))) if sigma > 0.0 else 15
+            if digits <= 15 or value == 0.0:
+                text = f"{value:.{max(0, digits)}f}"
+            else:
+                text = f"{value:.{int(np.clip(digits + np.floor(np.log10(abs(value))), 1, 15))}e}"
+            out.append([name, str(unit), text, f"{sigma:.2g}"])
         return out
 
 
-def in_form(form: str, state: Array, matrix: Array, sun: Array, gm: float) -> Covariance:
-    """Return an orbit and its covariance in a form.
+def in_form(
+    form: str, start: Array, matrix: Array, sun: Array, gm: float, parameters: Sequence[Parameter] = ()
+) -> Covariance:
+    """Return an orbit and its covariance in a form, with those of parameters at the end.
 
-    state, matrix : (6,) and (6, 6), in the axes of the ICRF, au and au/d, relative to the barycentre
+    start, matrix : (n,) and (n, n), the state in the axes of the ICRF, au and au/d, relative to the barycentre, then
+        the parameters
     sun : the state of the Sun then; gm : of the Sun, au^3/d^2. Elements are relative to it, in the ecliptic of J2000;
         T is in days since the epoch
     Raises UnknownNameError for another form, InputError for a state without elements.
@@ -82,19 +91,21 @@ def in_form(form: str, state: Array, matrix: Array, sun: Array, gm: float) -> Co
     if form not in FORMS:
         raise UnknownNameError(f"there is no form {shown(form)} of a covariance; expected one of {', '.join(FORMS)}.")
     names, units = zip(*FORMS[form], strict=True)
+    names, units = (*names, *(one.name for one in parameters)), (*units, *(one.unit for one in parameters))
     if form == "cartesian":
-        return Covariance(form, names, units, state.copy(), matrix.copy())
-    relative = state - sun
+        return Covariance(form, names, units, start.copy(), matrix.copy())
+    relative = start[:6] - sun
     steps = np.repeat(STEP * np.array([np.linalg.norm(relative[:3]), np.linalg.norm(relative[3:])]), 3)
     moved = np.concatenate([relative[None], relative + np.diag(steps), relative - np.diag(steps)])
     q, v = (icrf_to_ecliptic(x) for x in (moved[:, :3], moved[:, 3:]))
     found = elements_from_state(q, v, np.full(len(q), gm))
     columns = np.array([np.rad2deg(found[name]) if unit == DEGREE else found[name] for name, unit in FORMS[form]])
     change = columns[:, 1:7] - columns[:, 7:]
-    whole = np.array([360.0 if unit == DEGREE else np.inf for unit in units])
+    whole = np.array([360.0 if unit == DEGREE else np.inf for _, unit in FORMS[form]])
     if "T" in names:
         whole[names.index("T")] = float(found.P[0])  # the nearest passage may be another one
     leaps = np.isfinite(whole)
     change[leaps] -= whole[leaps, None] * np.round(change[leaps] / whole[leaps, None])
-    jacobian = change / (2.0 * steps)
-    return Covariance(form, names, units, columns[:, 0], jacobian @ matrix @ jacobian.T)
+    jacobian = np.eye(len(start))
+    jacobian[:6, :6] = change / (2.0 * steps)
+    return Covariance(form, names, units, np.append(columns[:, 0], start[6:]), jacobian @ matrix @ jacobian.T)

@@ -52,16 +52,25 @@ class Force:
     kind : its name in archives
     bodies : the names of the bodies that it acts on, massive or not; None for all
     variables : the number of its internal variables
+    per_body : names of the fields that may have one number for each of `bodies`; of_body : of those that are numbers of
+        its `owner`. Runs have derivatives by them, and fits determine them: see `orbits.system.parameters`
     """
 
     kind: ClassVar[str]
     variables: ClassVar[int] = 0
+    per_body: ClassVar[tuple[str, ...]] = ()
+    of_body: ClassVar[tuple[str, ...]] = ()
     bodies: Sequence[str] | None = None
 
     @property
     def whom(self) -> str:
         """What it acts on, in words."""
         return f"on {'all' if self.bodies is None else few(self.bodies, 3)}"
+
+    @property
+    def owner(self) -> str | None:
+        """The name of the body that it comes from; None if it comes from none."""
+        return None
 
     @classmethod
     def examples(cls) -> tuple[Self, ...]:

@@ -24,17 +24,20 @@ class CentralForce(Force):
     """Base of the forces that come from one massive body and act on others, relative to it.
 
     source : the massive body; by default the most massive one
-    per_body : names of the fields that may have one number for each of `bodies`
     of_source : whether it is a property of the source, which must then be named and has one such force
     by_mass : whether it acts by the masses of the bodies, and on massive ones alone
     """
 
     source: str | None = None
 
-    per_body: ClassVar[tuple[str, ...]] = ()
     of_source: ClassVar[bool] = False
     by_mass: ClassVar[bool] = False
     tag: ClassVar[Tag]
+
+    @property
+    def owner(self) -> str | None:
+        """The source."""
+        return self.source
 
     def without(self, gone: Set[str]) -> Self | None:
         """Return this force for a system without some bodies, None if nothing is left of it."""

@@ -51,6 +51,7 @@ class MassLoss(CentralForce):
     """
 
     kind: ClassVar[str] = "mass-loss"
+    of_body: ClassVar[tuple[str, ...]] = ("fraction",)
     tag: ClassVar[Tag] = TAG
     fraction: Any = None
     since: Any = 0.0

@@ -70,7 +70,7 @@ class NonGravitational(CentralForce):
 
     bodies : names of the bodies that it acts on, massive or not; by default all but the source
     source : the Sun; by default the most massive body
-    A1, A2, A3 : accelerations at r0 (where g is normalized so): one each, or one for each of `bodies`
+    A1, A2, A3 : accelerations at r0 (where g is normalized so), by default 0: one each, or one for each of `bodies`
     alpha, m, n, k : numbers; r0 : a length, by default 2.808 au, and 1 au for k = 0. The defaults are those of water
         ice, with g = 1 at 1 au
     """
@@ -78,9 +78,9 @@ class NonGravitational(CentralForce):
     kind: ClassVar[str] = "non-gravitational"
     per_body: ClassVar[tuple[str, ...]] = ("A1", "A2", "A3")
     tag: ClassVar[Tag] = TAG
-    A1: Any = 0.0
-    A2: Any = 0.0
-    A3: Any = 0.0
+    A1: Any = None
+    A2: Any = None
+    A3: Any = None
     alpha: Any = 0.1112620426
     r0: Any = None
     m: Any = 2.15
@@ -102,11 +102,13 @@ class NonGravitational(CentralForce):
 
     def in_units(self, units: Any) -> Self:
         """Return it in the system's units."""
-        A = {name: self.in_unit(units.acceleration, name, units.acceleration_value) for name in self.per_body}
-        if not any(np.any(units.acceleration_value(x)) for x in A.values()):
+        given = [name for name in self.per_body if getattr(self, name) is not None]
+        if not given:
             raise InputError(
-                "NonGravitational: A1, A2 and A3 are all 0; expected one at least, such as A2=1e-14 * u.au / u.day**2."
+                "NonGravitational: A1, A2 and A3 are missing; expected one, such as A2=1e-14 * u.au / u.day**2."
             )
+        A = dict.fromkeys(self.per_body, 0.0 * units.acceleration)
+        A |= {name: self.in_unit(units.acceleration, name, units.acceleration_value) for name in given}
         powers: dict[str, Any] = {
             name: float(self._one(name, units.pure_value(getattr(self, name), name)))
             for name in ("alpha", "m", "n", "k")

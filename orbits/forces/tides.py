@@ -99,6 +99,7 @@ class Tides(CentralForce):
     variables: ClassVar[int] = 3
     of_source: ClassVar[bool] = True
     by_mass: ClassVar[bool] = True
+    of_body: ClassVar[tuple[str, ...]] = ("k2", "lag")
     tag: ClassVar[Tag] = Tag("tides", {"force": force, "particle_force": particle_force, "inner": 3})
     source: str | None = field(default=None, kw_only=False)
     bodies: Sequence[str] | None = field(default=None, kw_only=True)

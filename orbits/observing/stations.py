@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import cache
 from typing import NamedTuple
 
+import erfa
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,3 +51,12 @@ def _place(line: str) -> NDArray[np.float64] | None:
     longitude, from_axis, above_equator = map(float, columns)
     turn = np.deg2rad(longitude)
     return np.array([from_axis * np.cos(turn), from_axis * np.sin(turn), above_equator]) * (EARTH_RADIUS / AU_KM)
+
+
+WGS84 = 1
+
+
+def on_the_ellipsoid(longitude: float, latitude: float, height: float) -> tuple[float, float, float]:
+    """Return a place in the axes of the Earth, au: degrees east, degrees north, metres above WGS84."""
+    x, y, z = erfa.gd2gc(WGS84, np.deg2rad(longitude), np.deg2rad(latitude), height) / (1e3 * AU_KM)
+    return float(x), float(y), float(z)

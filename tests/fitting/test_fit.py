@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -164,12 +165,45 @@ def test_what_cannot_be_fitted_is_refused(given, options, message):
         orbits.fit(given if isinstance(given, str) else observations[given], **options)
 
 
-def test_observations_of_two_bodies_and_of_radar_are_refused():
+def test_observations_of_two_bodies_and_of_radar_alone_are_refused():
     other = orbits.Observations.read(DATA / "K08K42V_lsl.mpc")
     with pytest.raises(InputError, match="observations of 3666, 2008 KV42; expected one body"):
         orbits.fit(orbits.Observations.read(DATA / "03666_tiny.txt") + other)
-    radar = orbits.Observations.parse(
-        "permID|trx|rcv|obsTime|delay|rmsDelay|frq\n4179|253|253|1992-12-02T21:40:00Z|42.18|0.65|8510"
-    )
-    with pytest.raises(InputError, match="1 of the observations are of radar, which are read but not fitted"):
-        orbits.fit(radar)
+    radar = orbits.Observations.bundled("apophis")
+    with pytest.raises(InputError, match="0 optical observations give no beginning; expected 3 at least, or the body"):
+        orbits.fit(radar[radar.kind != "optical"])
+
+
+A2 = 1e-13
+
+
+@cache
+def drifting() -> orbits.System:
+    return start().with_forces(orbits.terms.NonGravitational.yarkovsky(A2 * u.au / u.day**2, bodies=["433"]))
+
+
+def test_derivatives_by_a_parameter_do_not_depend_on_the_step_of_their_differences():
+    arc, x = Arc(drifting(), "433", ["433.A2"]), np.append(state(drifting()), A2)
+    times = np.array([-1800.3, -20.0, 0.0, 400.2, 1800.9])
+    found = arc.derivatives(x, times)[:, :, 6]
+    for factor in (0.3, 4.0):  # of the step of the differences
+        other = Arc(drifting(), "433", ["433.A2"])
+        other._steps = [factor * arc._steps[0]]
+        off = np.abs(other.derivatives(x, times)[:, :, 6] - found).max(axis=1)
+        # Reached: 1e-9, with 0.3 of the step.
+        assert off.max() < 1e-8 * np.abs(found).max()
+
+
+def test_a_parameter_is_found_with_its_error():
+    rng = np.random.default_rng(4)
+    # The places of the body without the force, so that A2 is 0, give or take its sigma.
+    found = orbits.fit(observed(0.5 * rng.standard_normal((120, 2))), start(), parameters=["A2"], reject=False)
+    value, sigma = found.parameters["433.A2"]
+    assert sigma.unit == u.au / u.day**2
+    assert abs(value) < 3 * sigma
+    assert found.covariance("cometary").names[-1] == "433.A2"
+    assert mahalanobis(found, np.append(state(start()), 0.0)) < 24.3  # exceeded by one in a thousand
+    assert found.system.forces[0].A2[0] == value
+    assert "433.A2" in repr(found)
+    with pytest.raises(UnknownNameError, match="A4"):
+        orbits.fit(observed(np.zeros((120, 2))), start(), parameters=["A4"])

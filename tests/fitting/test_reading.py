@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +14,8 @@ from astropy.time import Time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from orbits.errors import InputError
-from orbits.fitting.designations import unpacked
+from orbits.catalogue import packed
+from orbits.errors import InputError, UnknownNameError
 from orbits.fitting.observations import Observations
 
 from ..coverings import each
@@ -197,7 +199,7 @@ def test_what_is_written_is_read(ra, dec, day, part):
 )
 def test_packed_names_are_unpacked(number, provisional, name):
     """Examples of the MPC's page on packed designations."""
-    assert unpacked(number, provisional) == name
+    assert packed.name(number, provisional) == name
 
 
 def test_times_before_utc_are_those_of_the_earth():
@@ -297,3 +299,39 @@ def test_copies_count_once_and_are_told():
 def test_only_observations_are_added():
     with pytest.raises(InputError, match=r"3 is added to observations; expected orbits.Observations"):
         Observations.parse(APOPHIS) + 3
+
+
+JPL_RADAR = """\
+99942 Apophis (2004 MN4)\t2005-01-27 23:31:00\t-100849.1434\t0.250\tHz\t2380\t251\t251\tC
+433 Eros (A898 PA)\t2012-01-27 06:30:00\t179356850.89\t25.0\tus\t8560\t253\t253\tP
+433 Eros (A898 PA)\t2012-01-27 06:30:00\t179356850.89\t25.0\tm\t8560\t253\t253\tP
+"""
+
+
+def test_radar_is_read_as_jpl_gives_it():
+    text = Observations.parse(JPL_RADAR)
+    assert text.bodies == ("99942", "433")
+    doppler, delay = text.records
+    assert (doppler.kind, doppler.value, doppler.sigma, doppler.frequency) == ("doppler", -100849.1434, 0.25, 2380.0)
+    assert (doppler.station, doppler.transmitter, doppler.surface) == ("251", "251", False)
+    assert (delay.value, delay.sigma) == pytest.approx((179.35685089, 25e-6), rel=1e-15)
+    assert delay.surface
+    assert text.ignored[0].line == 3
+    assert "the unit is 'm'" in text.ignored[0].reason
+    rows = [["433", "2012-01-27 06:30:00", "1.7935685089e8", "25.0", "us", "8560.0", "-14", "-14", "P"]]
+    fields = ["des", "epoch", "value", "sigma", "units", "freq", "rcvr", "xmit", "bp"]
+    answer = Observations.parse(json.dumps({"fields": fields, "data": rows}))
+    assert answer.records[0]._replace(line=2) == delay
+    with pytest.raises(InputError, match="no radar astrometry of JPL's: 1 columns with tabs between; expected 9"):
+        Observations.parse("{}")
+
+
+def test_observations_that_come_with_the_package():
+    """The counts are those of the files' sources; one line of Apophis' was replaced by a later measurement."""
+    apophis = Observations.bundled("apophis")
+    assert Counter(apophis.kind.tolist()) == {"optical": 7818, "doppler": 30, "delay": 20}
+    assert [one.line for one in apophis.ignored] == [7]
+    bennu = Observations.bundled("bennu")
+    assert Counter(bennu.kind.tolist()) == {"optical": 580, "doppler": 7, "delay": 22}
+    with pytest.raises(UnknownNameError, match="no observations of 'eros' are bundled; expected one of apophis, bennu"):
+        Observations.bundled("eros")

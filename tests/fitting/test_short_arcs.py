@@ -13,8 +13,8 @@ from astropy.time import Time
 
 import orbits
 from orbits.errors import ConvergenceError, InputError, OrbitsWarning
-from orbits.fitting.gauss import triples
 from orbits.fitting.result import Fit
+from orbits.observing.three_directions import triples
 
 from ..coverings import each
 from .skies import mahalanobis, state
@@ -132,3 +132,26 @@ def test_few_observations_are_rejected_only_if_that_costs_less():
     records[1] = wrong._replace(dec=wrong.dec + 60.0 / 3600)
     fit, _ = fitted(orbits.Observations(tuple(records)))
     assert np.flatnonzero(~fit.used).tolist() == [1]
+
+
+@each("days", [(2.0, 2.05, 2.1, 2.15, 2.2), (2.0, 2.05, 3.0, 3.05)])
+def test_one_night_or_two_warn_with_the_range_of_orbits(days):
+    observations, run = seen(MIDDLE_BELT, days, 0)
+    fit, told = fitted(observations)
+    assert "observations of 433 leave a range of orbits, which the covariance does not tell" in told
+    distance = [one.distance for one in fit.range]
+    when = observations.time[[len(days) // 2]]
+    true = run.ephemeris("433", observer="568", times=when).distance.to_value(u.au)[0]
+    assert min(distance) < true < max(distance)
+    assert all(one.e < 1.0 and one.chi2 <= 9.0 for one in fit.range)
+    # From one end to the other.
+    assert (np.diff(distance) > 0.0).all() or (np.diff(distance) < 0.0).all()
+
+
+def test_an_outlier_in_the_middle_of_the_middle_night_does_not_hide_the_orbit():
+    observations, run = seen(MIDDLE_BELT, (2.0, 2.05, 2.1, 6.0, 6.05, 6.1, 10.0, 10.05, 10.1), 1)
+    records = [*observations.records]
+    records[4] = records[4]._replace(dec=records[4].dec + 60.0 / 3600)
+    fit, _ = fitted(orbits.Observations(tuple(records)))
+    assert np.flatnonzero(~fit.used).tolist() == [4]
+    assert mahalanobis(fit, state(run.at(fit.epoch))) < 22.5

@@ -142,7 +142,7 @@ GIVEN = {
     "negative beta": (lambda: RadiationPressure(beta=-1, c=1.0), "expected numbers >= 0"),
     "no c": (lambda: RadiationPressure(beta=1), "has no speed of light: give c="),
     "c": (lambda: RadiationPressure(beta=1, c=0), "expected a speed > 0"),
-    "no A": (lambda: NonGravitational(r0=1.0), "are all 0; expected one at least"),
+    "no A": (lambda: NonGravitational(r0=1.0), "A1, A2 and A3 are missing"),
     "no r0": (lambda: NonGravitational(A2=1.0), "has no au: give a length"),
     "two A": (lambda: NonGravitational(A2=(1.0, 2.0), r0=1.0), "bodies does not name any"),
     "NaN": (lambda: NonGravitational(A2=np.nan, r0=1.0), "A2 of NonGravitational is nan; expected finite"),

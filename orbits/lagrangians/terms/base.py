@@ -76,12 +76,19 @@ class Term:
     kind : its name in archives
     alone : whether a system can have only one of this kind; if_two : what to do about a second one, for messages
     body : the name of the massive body to which the term belongs; None for the most massive one
+    of_body : names of the fields that are numbers of that body; see `orbits.system.parameters`
     """
 
     kind: ClassVar[str]
     alone: ClassVar[bool] = False
+    of_body: ClassVar[tuple[str, ...]] = ()
     if_two: ClassVar[str] = "Give all that are to act: system.replaced(terms=[...])."
     body: str | None = None
+
+    @property
+    def owner(self) -> str | None:
+        """The body to which its numbers belong."""
+        return self.body
 
     @property
     def others(self) -> tuple[str, ...]:

@@ -284,6 +284,7 @@ class DegreeTwo(Term):
     """
 
     kind: ClassVar[str] = "degree-two"
+    of_body: ClassVar[tuple[str, ...]] = ("J2", "C22")
     J2: Any = 0.0
     C22: Any = 0.0
     radius: Any = None

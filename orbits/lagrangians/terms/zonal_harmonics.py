@@ -165,6 +165,7 @@ class ZonalHarmonics(Term):
     """
 
     kind: ClassVar[str] = "zonal-harmonics"
+    of_body: ClassVar[tuple[str, ...]] = ("J2", "J3", "J4")
     J2: Any = 0.0
     J3: Any = 0.0
     J4: Any = 0.0

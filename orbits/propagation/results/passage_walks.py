@@ -205,7 +205,7 @@ def _share(force: Force, name: str) -> Hashable:
     """Return what a force does to a massless body: the numbers that it has for it alone, or whether it acts on it."""
     if force.bodies is None or name not in force.bodies:
         return force.bodies is None
-    values = (getattr(force, field) for field in getattr(force, "per_body", ()))
+    values = (getattr(force, field) for field in force.per_body)
     k = list(force.bodies).index(name)
     return tuple(str(value[k]) for value in values if isinstance(value, tuple))
 

@@ -1,10 +1,12 @@
-"""Times of observations: from UTC, or UT before there was one, to TDB."""
+"""Times by the clocks of observers, UTC, or UT before there was one: in TDB, and how the Earth is turned then."""
 
 from __future__ import annotations
 
 import numpy as np
 from astropy.time import Time
 from numpy.typing import NDArray
+
+from orbits.observing import earth
 
 Array = NDArray[np.float64]
 
@@ -35,3 +37,19 @@ def dynamical(jd: Array, part: Array) -> Time:
     # TDB is within 2 ms of TT.
     out[early] += np.interp(year, years, TT_LESS_UT) / 86400.0
     return Time(first, out, format="jd", scale="tdb")
+
+
+def carried(x: Array, times: Time, jd: Array, part: Array) -> Array:
+    """Return where places in the axes of the Earth are in those of the ICRF, (m, 3).
+
+    times : in TDB; jd, part : by the clocks, by which the Earth is turned before the tables of the IERS begin: they had
+        UT, within 0.1 s
+    """
+    out = np.empty_like(x)
+    early = times.jd - earth.MJD_ZERO < earth.tables()[0].first
+    if early.any():
+        pole = np.zeros(early.sum())  # it is within 0.6 arcseconds of this, 20 m
+        out[early], _ = earth.turned_by(times[early], (jd[early], part[early]), (pole, pole)).carries(x[early])
+    if not early.all():
+        out[~early], _ = earth.turning(times[~early]).carries(x[~early])
+    return out

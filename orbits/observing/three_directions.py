@@ -1,4 +1,4 @@
-"""A first orbit from three directions, by the method of Gauss.
+"""Orbits from three directions, by the method of Gauss.
 
 The two-body motion between the three times is then made exact by repetition, with the Lagrange coefficients of the
 orbit found.
@@ -122,16 +122,19 @@ def _coefficients(state: Array, dt: float) -> tuple[tuple[float, float], Array]:
     return (float(f), float(g)), later
 
 
-def triples(days: Array, most: int = 24) -> Iterator[tuple[int, int, int]]:
+def triples(days: Array, share: float = 0.5, most: int = 24) -> Iterator[tuple[int, int, int]]:
     """Yield the numbers of three observations each, the most promising ones first.
 
     Those on three nights within some weeks, about evenly spaced, are best: a longer arc is no longer the beginning of a
     series in time, and on a shorter one errors of the directions count for more.
+
+    share : of each night, after which its observation is taken: 0 for the first one, 1 for the last
     """
     _, order = np.unique(days, return_index=True)
-    nights = [group[len(group) // 2] for group in np.split(order, np.flatnonzero(np.diff(days[order]) > 0.4) + 1)]
-    if len(nights) < 3:
-        nights = order[np.unique(np.linspace(0, len(order) - 1, 7).astype(int))].tolist()
+    groups = np.split(order, np.flatnonzero(np.diff(days[order]) > 0.4) + 1)
+    if len(groups) < 3:
+        groups = [order[[k]] for k in np.unique(np.linspace(0, len(order) - 1, 7).astype(int))]
+    nights = [int(group[int(np.ceil(share * (len(group) - 1)))]) for group in groups]
     t = days[nights]
     rated: list[tuple[float, tuple[int, int, int]]] = []
     for ideal in (30.0, 12.0, 60.0, 5.0, 120.0):
@@ -140,10 +143,5 @@ def triples(days: Array, most: int = 24) -> Iterator[tuple[int, int, int]]:
             k = middle + 1 + int(np.argmin(np.abs(t[middle + 1 :] - (t[middle] + ideal / 2.0))))
             a, b = t[middle] - t[i], t[k] - t[middle]
             crooked = abs(np.log(a / b)) + abs(np.log((a + b) / ideal)) + (0.0 if ideal == 30.0 else 0.3)
-            rated.append((crooked, (int(nights[i]), int(nights[middle]), int(nights[k]))))
-    rated.sort()
-    seen: list[tuple[int, int, int]] = []
-    for _, three in rated:
-        if three not in seen:
-            seen.append(three)
-    yield from seen[:most]
+            rated.append((crooked, (nights[i], nights[middle], nights[k])))
+    yield from list(dict.fromkeys(three for _, three in sorted(rated)))[:most]
