@@ -39,7 +39,7 @@ class AtDistance(Sought):
         object.__setattr__(self, "distance", a_distance(self.distance, f"{type(self).__name__}.distance"))
 
     @staticmethod
-    def words(distance: str) -> tuple[str | None, str | None]:
+    def _words(distance: str) -> tuple[str | None, str | None]:
         """Return what it is called where the distance of two bodies falls below this one, and rises above it."""
         raise NotImplementedError
 
@@ -47,7 +47,7 @@ class AtDistance(Sought):
         """Return the squared distance less that of the bound."""
         what, unit = type(self).__name__, system.units.length
         bound = float(system.units.length_value(self.distance, what))
-        pairs, words = pairs_of(system, self.body, self.other, what), self.words(with_unit(f"{bound:g}", unit))
+        pairs, words = pairs_of(system, self.body, self.other, what), self._words(with_unit(f"{bound:g}", unit))
         if self.then == STOP and self.body is not None and self.other is not None:
             self._check_start(system, pairs[0], bound)
         return [Distance(words, pairs, bound)]
@@ -79,19 +79,27 @@ class CloserThan(AtDistance):
     """
 
     @staticmethod
-    def words(distance: str) -> tuple[str | None, str | None]:
+    def _words(distance: str) -> tuple[str | None, str | None]:
         """Return what it is called where the distance falls."""
         return f"closer than {distance}", None
 
 
 @dataclass(frozen=True)
 class FartherThan(AtDistance):
-    """Two bodies get farther apart than a distance, at the time at which they do on the motion itself; as
-    `CloserThan`. A run stops as they part in its direction.
+    """Two bodies get farther apart than a distance, at the time at which they do on the motion itself. In `stop`, or
+    with then="stop", the run ends there.
+
+    distance : a quantity, a text such as "0.1 AU", or a number in the system's unit of length
+    body, other : names; None means any body with mass and, where the run ends, any other one beside a body with mass
+    then : among `events`, what happens; see `orbits.events.Event`
+
+    A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
+    there again. It stops as they part in the direction of the run; what is recorded is meant in time.
+    Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
     @staticmethod
-    def words(distance: str) -> tuple[str | None, str | None]:
+    def _words(distance: str) -> tuple[str | None, str | None]:
         """Return what it is called where the distance rises."""
         return None, f"farther than {distance}"
 
