@@ -215,7 +215,7 @@ def fit_planets(
     units = tuple(of.get(label.rsplit(".", 1)[1], u.one) for label in labels)
     best = Covariance("planetary", tuple(labels), units, x, covariance(white))
     offsets = zeros @ x[int(free.sum()) :]
-    return PlanetFit(model.made(problem.elements(x)), transits, velocities, best, off * sigma, sigma, offsets, model)
+    return PlanetFit(model.made(problem.elements(x)), transits, velocities, best, off * sigma, sigma, offsets)
 
 
 def _together(measured: Iterable[Any]) -> Any:

@@ -41,7 +41,6 @@ class PlanetFit:
     _off: Array
     _sigma: Array
     _offsets: Array
-    _model: Any
 
     @property
     def chi2(self) -> float:
