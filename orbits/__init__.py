@@ -41,13 +41,17 @@ if TYPE_CHECKING:
     from orbits.marching.clocks.adaptive import Adaptive
     from orbits.marching.clocks.transformed import TimeTransformed
     from orbits.marching.flow import DiscretePath, Flow, march
+    from orbits.observing.line_of_sight import along
+    from orbits.observing.measured import RadialVelocities, TransitTimes
     from orbits.propagation import Trajectory, propagate, resume
     from orbits.propagation.control.heartbeat import Heartbeat
     from orbits.propagation.results.shadow_energy import shadow_energy
     from orbits.propagation.resuming.verification import Verification, verify
+    from orbits.propagation.variations.encounters import entry, target_plane
     from orbits.propagation.variations.megno import megno
     from orbits.propagation.variations.state_transition import state_transition
     from orbits.regression import compare, residuals
+    from orbits.results.moid import moid
     from orbits.system import System
     from orbits.system.rigid_body import RigidBody
     from orbits.system.solar.description import solar_model
@@ -67,24 +71,29 @@ __all__ = [
     "Lagrangian",
     "Motion",
     "Observations",
+    "RadialVelocities",
     "RigidBody",
     "StormerVerlet",
     "Symmetry",
     "System",
     "TimeTransformed",
     "Trajectory",
+    "TransitTimes",
     "UnitSystem",
     "Verification",
     "WisdomHolman",
     "__version__",
+    "along",
     "asteroids",
     "certify",
     "compare",
+    "entry",
     "fit",
     "kepler_flow",
     "kernel",
     "march",
     "megno",
+    "moid",
     "propagate",
     "read_mpcorb",
     "read_sbdb",
@@ -93,6 +102,7 @@ __all__ = [
     "shadow_energy",
     "solar_model",
     "state_transition",
+    "target_plane",
     "verify",
     "view",
 ]
@@ -113,13 +123,17 @@ _HOME = {
     "marching.clocks.adaptive": ["Adaptive"],
     "marching.clocks.transformed": ["TimeTransformed"],
     "marching.flow": ["DiscretePath", "Flow", "march"],
+    "observing.line_of_sight": ["along"],
+    "observing.measured": ["RadialVelocities", "TransitTimes"],
     "propagation": ["Trajectory", "propagate", "resume"],
     "propagation.control.heartbeat": ["Heartbeat"],
     "propagation.results.shadow_energy": ["shadow_energy"],
     "propagation.resuming.verification": ["Verification", "verify"],
+    "propagation.variations.encounters": ["entry", "target_plane"],
     "propagation.variations.megno": ["megno"],
     "propagation.variations.state_transition": ["state_transition"],
     "regression": ["compare", "residuals"],
+    "results.moid": ["moid"],
     "system": ["System"],
     "system.rigid_body": ["RigidBody"],
     "system.solar.description": ["solar_model"],

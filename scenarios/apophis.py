@@ -27,7 +27,6 @@ DAYS = 363.9
 """Until the end of 2029, where the excerpt of DE440 in the package ends."""
 A1, A2 = 4.999999873689e-13, -2.901085508711e-14
 """The accelerations of Apophis at 1 au, radial and transverse, au/d^2, falling with the square of the distance."""
-EARTH_KM = 6378.1366
 CLOSEST_KM = 38_011.4
 NEWTON, RELATIVITY, FIGURES, SUNLIGHT, ASTEROIDS = (
     "Newton", "+ relativity", "+ figures", "+ sunlight", "+ asteroids"
@@ -65,25 +64,6 @@ def closest(run):
     return next((each for each in met if each.distance.to_value(u.km) < 1e5), None)
 
 
-def target_plane(run):
-    """Coordinates (xi, zeta) in the target plane of the Earth, km, and v^2 at infinity, au^2/d^2."""
-    state = run.at(closest(run).time)
-    names = ("Sun", "Earth", "Apophis")
-    q, v = ([x.value.reshape(-1, 3)[run.system.index(name)] for name in names] for x in (state.q, state.v))
-    mu = float(run.system.gm.value[run.system.index("Earth")])
-    r, w = q[2] - q[1], v[2] - v[1]
-    h = np.cross(r, w)
-    towards = np.cross(w, h) / mu - r / np.linalg.norm(r)  # the eccentricity vector, to the pericentre
-    e, speed2 = np.linalg.norm(towards), w @ w - 2.0 * mu / np.linalg.norm(r)
-    across = np.cross(h, towards) / (np.linalg.norm(h) * e)
-    eta = (towards / e + np.sqrt(e * e - 1.0) * across) / e  # the velocity on the incoming asymptote
-    b = np.cross(eta, h) / np.sqrt(speed2)
-    moving = v[1] - v[0]
-    zeta = -(moving - (moving @ eta) * eta)
-    zeta /= np.linalg.norm(zeta)
-    return AU_KM * np.array([b @ np.cross(eta, zeta), b @ zeta]), speed2
-
-
 def apart(run, other):
     """The distance of Apophis in two runs at all samples, km."""
     places = [each.q.value[:, each.system.index("Apophis")] for each in (run, other)]
@@ -114,9 +94,9 @@ def draw(outcome):
     axes = figure.subplot_mosaic([["plane", "terms", "year"]], width_ratios=[1.0, 1.0, 1.15])
     runs = {name: each.run for name, each in outcome.cases.items()}
     if all(closest(run) is not None for run in runs.values()):
-        found = {name: target_plane(run) for name, run in runs.items()}
-        plane(axes["plane"], runs[NEWTON], *found[NEWTON])
-        terms(axes["terms"], {name: place for name, (place, _) in found.items()})
+        found = {name: orbits.target_plane(run, "Earth") for name, run in runs.items()}
+        plane(axes["plane"], found[NEWTON])
+        terms(axes["terms"], {name: np.array([one.xi.value, one.zeta.value]) for name, one in found.items()})
     year(axes["year"], runs)
     figure.suptitle("Apophis in 2029, term by term", fontsize=21, fontweight="bold")
     told = (
@@ -127,17 +107,16 @@ def draw(outcome):
     return figure
 
 
-def plane(axis, run, place, speed2):
+def plane(axis, found):
     """Draw the Earth, what hits it, and where Apophis comes through the plane."""
     from matplotlib.patches import Circle
 
     from orbits import plotting
 
-    mu, colour = float(run.system.gm.value[run.system.index("Earth")]), plotting.colour("Earth", 0)
-    hit = np.sqrt(1.0 + 2.0 * mu / (EARTH_KM / AU_KM * speed2))
+    colour, hit = plotting.colour("Earth", 0), float(found.capture_radius / found.radius)
     axis.add_patch(Circle((0, 0), 1.0, color=colour, lw=0))
     axis.add_patch(Circle((0, 0), hit, fill=False, ec=colour, lw=1.4, ls="--"))
-    x, y = place / EARTH_KM
+    x, y = float(found.xi / found.radius), float(found.zeta / found.radius)
     axis.plot(x, y, "X", ms=13, color=plotting.style.VERMILION, mec="white", zorder=4)
     axis.plot([0, x], [0, y], color=plotting.style.VERMILION, lw=1.0, zorder=3)
     reach = 1.25 * max(hit, abs(x), abs(y))

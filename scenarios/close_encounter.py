@@ -17,6 +17,7 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
+from orbits.elements.target_plane import on_target_plane
 from orbits.ephemeris import AU_KM
 from orbits.regression import peers
 from orbits.regression.taylor import taylor
@@ -70,17 +71,9 @@ def target_plane(gm, q, v):
     gm : of planet, small body; q, v (3, 3) : of the Sun, the planet and the small body
     xi, zeta : Valsecchi et al.: zeta against the projection of the planet's velocity, xi completes (xi, eta, zeta)
     """
-    r, w, mu = q[2] - q[1], v[2] - v[1], gm.sum()
-    h = np.cross(r, w)
-    towards = np.cross(w, h) / mu - r / np.linalg.norm(r)  # the eccentricity vector, to the pericentre
-    e, speed2 = np.linalg.norm(towards), w @ w - 2.0 * mu / np.linalg.norm(r)  # at infinity
-    p, s = towards / e, np.cross(h, towards) / (np.linalg.norm(h) * e)
-    eta = (p + np.sqrt(e * e - 1.0) * s) / e  # the velocity on the incoming asymptote
-    b = np.cross(eta, h) / np.sqrt(speed2)
-    moving = v[1] - v[0]
-    zeta = -(moving - (moving @ eta) * eta)
-    zeta /= np.linalg.norm(zeta)
-    return np.array([b @ np.cross(eta, zeta), b @ zeta]), speed2
+    apart = ((x[2] - x[1])[None] for x in (q, v))
+    on = on_target_plane(*apart, gm.sum(), (v[1] - v[0])[None], modified=False)
+    return np.array([on.xi[0], on.zeta[0]]), on.speed2[0]
 
 
 def grazing(radius, gm, speed2):

@@ -1,7 +1,7 @@
-"""The frames of elements: the ecliptic of J2000, the ICRF, and the axes of the system itself.
+"""The frames of elements: the ecliptic of J2000, the ICRF, the axes of the system itself, and the plane of the sky.
 
 Ephemerides use the ICRF; orbital elements in the Solar System are published in the ecliptic of J2000, those elsewhere
-in axes that each paper defines, such as the plane of the sky. Ecliptic and ICRF share the x axis (the vernal equinox)
+in the plane of the sky, or in axes that each paper defines. Ecliptic and ICRF share the x axis (the vernal equinox)
 and differ by a rotation about it through the obliquity of 84381.448 arcseconds, the IAU 1976 value, which JPL's
 Horizons and Small-Body Database use as well.
 """
@@ -23,9 +23,17 @@ from orbits.units import UnitSystem
 OBLIQUITY = math.radians(84381.448 / 3600.0)
 """The obliquity of the ecliptic at J2000, radians."""
 
-FRAMES: Mapping[str, str] = {"ecliptic": "ecliptic of J2000", "icrf": "ICRF", "system": "axes of the system"}
+FRAMES: Mapping[str, str] = {
+    "ecliptic": "ecliptic of J2000",
+    "icrf": "ICRF",
+    "system": "axes of the system",
+    "sky": "plane of the sky",
+}
 """The names of the frames, and what they are called. A system with the Sun has the axes of the ICRF, so that "icrf" and
-"system" are the same there; of other systems "icrf" says that they have.
+"system" are the same there; of other systems "icrf" says that they have, and "sky" that they are those of the sky: x to
+the north, y to the east, and z towards the observer. Nodes are where bodies come through the sky towards the observer.
+Planets then pass in front of their star at omega + f = 90 degrees, and the star recedes by K (cos(omega + f) + e cos
+omega), omega of the orbit of the planet: the convention of transits and of radial velocities.
 """
 
 
@@ -68,7 +76,8 @@ def checked_frame(frame: str) -> str:
         return frame.lower()
     raise UnknownNameError(
         f"there is no frame {shown(frame)}; expected one of {', '.join(map(repr, FRAMES))}: 'ecliptic' is the ecliptic "
-        "and equinox of J2000, 'icrf' the axes of the ephemerides, 'system' those of the system itself"
+        "and equinox of J2000, 'icrf' the axes of the ephemerides, 'system' those of the system itself, 'sky' the same "
+        "where x and y are in the plane of the sky"
     )
 
 

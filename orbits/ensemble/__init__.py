@@ -14,13 +14,26 @@ from __future__ import annotations
 
 from orbits.ensemble.campaign import Campaign, Progress, open_campaign
 from orbits.ensemble.clones import clones
+from orbits.ensemble.impacts import impact_probability
 from orbits.ensemble.members import Ensemble, grid, particles, systems
 from orbits.ensemble.plan import Plan
 from orbits.ensemble.running import run
 
 open = open_campaign
 
-__all__ = ["Campaign", "Ensemble", "Plan", "Progress", "clones", "grid", "open", "particles", "run", "systems"]
+__all__ = [
+    "Campaign",
+    "Ensemble",
+    "Plan",
+    "Progress",
+    "clones",
+    "grid",
+    "impact_probability",
+    "open",
+    "particles",
+    "run",
+    "systems",
+]
 
 
 def __dir__() -> list[str]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.checks import finite_numbers, whole_number
 from orbits.ensemble.members import MOST, Ensemble, Systems, among, numbered
 from orbits.errors import InputError, shown
+from orbits.fitting.uncertainty import Covariance
 from orbits.system import System
 from orbits.system.new_bodies import primary_name
 
@@ -35,11 +36,13 @@ def clones(
 ) -> Ensemble:
     """Return an ensemble of a body and its clones, drawn from the normal distribution of its uncertain orbit.
 
+        orbits.ensemble.clones(fit.system, fit.name, covariance=fit.covariance(), count=10_000, seed=1)
         orbits.ensemble.clones(system, "Apophis", covariance=C, count=10_000, seed=1)
         orbits.ensemble.clones(system, "Apophis", covariance=C, count=10_000, seed=1, primary="Sun", elements={
             "e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg})  # as in JPL's database
 
-    covariance : (6, 6), symmetric, of x, y, z, vx, vy, vz in the units and axes of the system; or of `elements`
+    covariance : (6, 6), symmetric, of x, y, z, vx, vy, vz in the units and axes of the system; or of `elements`; or
+        that of a fit, in any form
     count : of the clones; the first member is the body itself, on its nominal orbit
     seed : of the random numbers: the same seed draws the same clones, and more of them begin with the same ones
     elements : six elements as in `System.add`, in the order of the rows, and the unit of each (1 for none)
@@ -51,6 +54,10 @@ def clones(
     """
     if not isinstance(system, System):
         raise InputError(f"system is {shown(system)}; expected an orbits.System with the body to be cloned.")
+    if isinstance(covariance, Covariance):
+        if covariance.form != "cartesian" and elements is None:
+            elements, primary, frame = dict(zip(covariance.names, covariance.units, strict=True)), "Sun", "ecliptic"
+        covariance = covariance.matrix
     place, count = system.index(body), whole_number(count, "count", most=MOST)
     seed = whole_number(seed, "seed", least=0)
     deviations = np.vstack([np.zeros(6), drawn(covariance, count, seed)])

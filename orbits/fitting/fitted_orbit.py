@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Unpack
+from typing import Any, Unpack, overload
 
 import numpy as np
 from astropy import units as u
@@ -22,12 +22,14 @@ from orbits.fitting.echoes import Echoes, bounced_nowhere
 from orbits.fitting.initial import Root, first_solution, orbits_in_doubt
 from orbits.fitting.instruments import Instrument, Together
 from orbits.fitting.observations import Observations
+from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_planets
 from orbits.fitting.record import DELAY, OPTICAL
 from orbits.fitting.result import Fit
 from orbits.fitting.sight import Sight
 from orbits.fitting.valley import WIDE, valley, wide_range
 from orbits.forces.non_gravitational import NonGravitational
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
+from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
 from orbits.system.parameters import acted_on, parameters_of, with_values
 from orbits.units import GM_SUN
@@ -40,6 +42,7 @@ OWN = ("A1", "A2", "A3")
 """Parameters that are named without the body, which is the one that is fitted."""
 
 
+@overload
 def fit(
     observations: Observations,
     system: System | None = None,
@@ -48,7 +51,22 @@ def fit(
     sigma: Any = None,
     reject: bool = True,
     **others: Unpack[NoOthers],
-) -> Fit:
+) -> Fit: ...
+
+
+@overload
+def fit(observations: OfPlanets, system: System, **options: Unpack[PlanetOptions]) -> PlanetFit: ...
+
+
+def fit(
+    observations: Any,
+    system: System | None = None,
+    *,
+    parameters: Sequence[str] = (),
+    sigma: Any = None,
+    reject: bool = True,
+    **others: Any,
+) -> Fit | PlanetFit:
     """Return the orbit of a small body from its observations, with its covariance.
 
         observations = orbits.Observations.read("99942.dat")
@@ -73,6 +91,11 @@ def fit(
         which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
         the rest and 8 for each of them. `fit.rejected` has them
 
+    Or the planets of a star from the times of their transits and its radial velocities, `orbits.TransitTimes` and
+    `orbits.RadialVelocities`, with other options: see `orbits.fitting.planets.fit_planets`.
+
+        fit = orbits.fit([times, velocities], system)
+
     The model is that of the system: its forces act, too. Places are astrometric, with light time and the bending of
     light by the Sun relative to that of the stars. The known errors of star catalogues before Gaia are not taken off.
 
@@ -81,6 +104,13 @@ def fit(
     if the observations do not determine one; EpochError outside the ephemeris; and an IntegrationError where the orbit
     cannot be followed.
     """
+    if of_planets(observations):
+        if len(parameters) or sigma is not None or reject is not True:
+            raise InputError(
+                "parameters, sigma and reject are for observations of small bodies; expected for transits and radial "
+                "velocities: elements, jitter, interacting."
+            )
+        return fit_planets(observations, system, **others)
     for name in others:
         raise unknown_argument(fit, name)
     rejects = checked_flag(reject, "reject")

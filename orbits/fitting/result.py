@@ -18,6 +18,8 @@ from orbits.fitting.observations import Observations
 from orbits.fitting.record import DELAY, DOPPLER, OPTICAL
 from orbits.fitting.uncertainty import Covariance, in_form
 from orbits.fitting.valley import Variation
+from orbits.propagation import propagate
+from orbits.propagation.variations.deviations import Uncertain, spread
 from orbits.system import System
 
 if TYPE_CHECKING:
@@ -92,18 +94,23 @@ class Fit:
         rows = zip(self._problem.arc.parameters, self._found.start[6:], np.diag(self._matrix)[6:], strict=True)
         return {one.name: Fitted(value * one.unit, np.sqrt(square) * one.unit) for one, value, square in rows}
 
-    def covariance(self, form: str = "cartesian") -> Covariance:
+    def covariance(self, form: str = "cartesian", at: Any = None) -> Covariance:
         """Return the orbit with its covariance: that of the observations as they are weighted, not scaled by their RMS.
 
         form : "cartesian", relative to the barycentre, in the axes of the ICRF, au and au/d; "keplerian" (a, e, inc,
             Omega, omega, M) or "cometary" (e, q, T, Omega, omega, inc, as JPL's), relative to the Sun, in the ecliptic
-            of J2000, au and degrees; T in days since the epoch. Parameters follow
-        Raises UnknownNameError for another form.
+            of J2000, au and degrees; T in days since the epoch, or since `at`. Parameters follow
+        at : another date, to which the state alone is carried with its covariance, to first order
+        Raises UnknownNameError for another form, InputError as `orbits.state_transition`.
         """
-        gm, q, v, _ = self.system.values
-        sun = self.system.names.index("Sun")
-        of_sun, parameters = np.concatenate([q[sun], v[sun]]), self._problem.arc.parameters
-        return in_form(form, self._found.start, self._matrix, of_sun, float(gm[sun]), parameters)
+        system, start, matrix, parameters = self.system, self._found.start, self._matrix, self._problem.arc.parameters
+        if at is not None:
+            run = propagate(system, until=at, samples=2)
+            system, matrix, parameters = run[-1], spread(run, Uncertain.of(system, self), run.times[-1:])[0], ()
+            start = np.concatenate([x[system.names.index(self.name)] for x in system.values[1:3]])
+        sun = np.concatenate([x[system.names.index("Sun")] for x in system.values[1:3]])
+        gm = float(system.values.gm[system.names.index("Sun")])
+        return in_form(form, start, matrix, sun, gm, parameters)
 
     @property
     def residuals(self) -> QTable:

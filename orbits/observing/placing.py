@@ -59,7 +59,8 @@ def placed(
     if anchor is not None and covered:
         there, what, centre = _de440(in_de440[anchor], jd1, jd2), names[anchor], State(q[:, anchor], v[:, anchor])
         if len(in_de440) == 1 and in_de440[anchor] in WITH_MOONS and np.count_nonzero(gm) > 1:
-            what, centre = f"barycentre, as {names[anchor]} with its moons,", _barycentre(gm, q, v)
+            what = f"barycentre, as {names[anchor]} with its moons,"
+            centre = State(barycentre(gm, q), barycentre(gm, v))
         shift = State(there.q - centre.q, there.v - centre.v)
         notes = [f"the run is placed in the Solar System by its {what} and that of DE440"]
     else:
@@ -95,12 +96,11 @@ def placed(
     return Placing(shift, _de440(body, jd1, jd2), sun, tuple(notes))
 
 
-def _barycentre(gm: Array, q: Array, v: Array) -> State:
-    """Return the centre of mass of the bodies that are there."""
-    weights = np.where(np.isfinite(q[..., 0]), gm, 0.0)
+def barycentre(gm: Array, x: Array) -> Array:
+    """Return the mean of positions or velocities, (m, bodies, 3), by mass, (m, 3), of the bodies that are there."""
+    weights = np.where(np.isfinite(x[..., 0]), gm, 0.0)
     weights /= weights.sum(axis=1, keepdims=True)
-    at, by = (np.nansum(weights[..., None] * x, axis=1) for x in (q, v))
-    return State(at, by)
+    return np.asarray(np.nansum(weights[..., None] * x, axis=1))
 
 
 def _de440(name: str, jd1: Array, jd2: Array) -> State:

@@ -44,6 +44,8 @@ class Approach:
     estimated : whether distance, time and speed are only those of the two-body orbit within the step, as recorded on
         the way (to about 1e-3), as the motion there could not be computed again
     epoch : of the system, if it has one: from it follows `date`, the time as a `Time` (TDB)
+    distance_sigma, time_sigma : standard deviations by a covariance at the start of the run, to first order; None
+        without one
     """
 
     body: str
@@ -55,12 +57,20 @@ class Approach:
     v_infinity: u.Quantity | None = None
     estimated: bool = False
     epoch: Time | None = field(default=None, repr=False)
+    distance_sigma: u.Quantity | None = None
+    time_sigma: u.Quantity | None = None
 
     @classmethod
     def of(
-        cls, system: System, clock: Clock, passage: Passage, error: float | None, estimated: bool = False
+        cls,
+        system: System,
+        clock: Clock,
+        passage: Passage,
+        error: float | None,
+        estimated: bool = False,
+        sigma: tuple[float, float] | None = None,
     ) -> Approach:
-        """Return a passage of a run with this clock, with names and units."""
+        """Return a passage of a run with this clock, with names and units; sigma : of distance and time."""
         names, gm, units = system.names, system.values.gm, system.units
         lighter, heavier = sorted((passage.body, passage.other), key=lambda body: gm[body])
         free = passage.speed**2 - 2.0 * (gm[lighter] + gm[heavier]) / passage.distance if passage.distance else -1.0
@@ -74,6 +84,8 @@ class Approach:
             u.Quantity(math.sqrt(free), units.speed) if free >= 0.0 else None,
             estimated,
             system.epoch,
+            None if sigma is None else u.Quantity(sigma[0], units.length),
+            None if sigma is None else u.Quantity(sigma[1], units.time),
         )
 
     @cached_property
@@ -89,6 +101,10 @@ class Approach:
         speed = self.speed.to(u.km / u.s) if self.speed.unit.is_equivalent(u.km / u.s) else self.speed
         named = "" if str(speed.unit) else "speed "  # a number alone would say nothing
         text = f"{self.body} to {self.other}: {distance} at {when}, {named}{speed:.3g}"
+        if self.distance_sigma is not None and self.time_sigma is not None:
+            off, late = (x.to(y) if x.unit.is_equivalent(y) else x
+                         for x, y in ((self.distance_sigma, u.km), (self.time_sigma, u.s)))  # fmt: skip
+            text += f", with sigmas of {off:.3g} and {late:.3g}"
         text += ", estimated from the two-body orbit within the step" * self.estimated
         if self.error is None:
             return text

@@ -53,6 +53,8 @@ class Approaches:
     of the method, taken when they are first needed. Where the motion cannot be computed again, they are as recorded on
     the way, from the two-body orbit within the step (to about 1e-3): `estimated` says so.
 
+    With a covariance of a body, its passages have `distance_sigma` and `time_sigma`, and the table these columns.
+
     approaches["Ceres"] returns the passages of one body, closest first, and last the one by the dominant body.
     Iteration, `len`, `to_table`, print and notebooks cover all passages, closest first, except those by the dominant
     body on orbits about it (a visitor on a hyperbola is there) and positions at the start, from which bodies only part.
@@ -66,11 +68,14 @@ class Approaches:
         *,
         refine: Callable[[Iterable[int]], None],
         error_at_end: Callable[[int], float | None],
+        sigmas: Callable[[Sequence[Passage]], list[tuple[float, float] | None]] | None = None,
     ) -> None:
         self.names = system.names
         self._system, self._clock, self._seen = system, clock, seen
         self._refine, self._error_at_end = refine, error_at_end
         self._asked = 1
+        self._sigmas: Callable[[Sequence[Passage]], list[tuple[float, float] | None]] | None = sigmas
+        self._spread: dict[int, tuple[float, float] | None] = {}
 
     @property
     def distance(self) -> u.Quantity:
@@ -158,7 +163,8 @@ class Approaches:
         The columns are body (the lighter one), other, date (TDB, if there is an epoch), time (since the epoch),
         distance, lunar_distances (the same in units of 384,400 km, if there are units), speed, v_infinity (without the
         attraction of the two; NaN if they are bound to each other), and error (the position error at the end of the run
-        that the passage causes); then estimated, if some are. The meta has the epoch (TDB) and further information.
+        that the passage causes); distance_sigma and time_sigma with a covariance; then estimated, if some are. The meta
+        has the epoch (TDB) and further information.
 
         bodies : names; only passages of these, all by default. Unknown names raise UnknownNameError.
         within : only passages at most at this distance; order : "distance" or "time"
@@ -181,6 +187,8 @@ class Approaches:
             ones.sort(key=lambda one: one.time)
         kinds = {"distance": units.length, "time": units.time, "speed": units.speed, "v_infinity": units.speed}
         kinds["error"] = unit_of_errors(self._system)
+        if self._sigmas is not None:
+            kinds |= {"distance_sigma": units.length, "time_sigma": units.time}
         columns: dict[str, object] = {
             "body": np.array([one.body for one in ones], dtype=str),
             "other": np.array([one.other for one in ones], dtype=str),
@@ -249,8 +257,18 @@ class Approaches:
         """Return some passages as `Approach`es."""
         seen = self._seen
         self._refine(numbers)
+        if self._sigmas is not None:  # of all at once, as the run is marched again for them
+            new = sorted({*numbers, *self._all_flybys} - set(self._spread))
+            self._spread.update(zip(new, self._sigmas([seen.passages[k] for k in new]), strict=True))
         return [
-            Approach.of(self._system, self._clock, seen.passages[k], self._error_at_end(k), k in seen.estimated)
+            Approach.of(
+                self._system,
+                self._clock,
+                seen.passages[k],
+                self._error_at_end(k),
+                k in seen.estimated,
+                self._spread.get(k),
+            )
             for k in numbers
         ]
 
@@ -293,12 +311,16 @@ class Approaches:
         head = ["body", "passes", *["date (TDB)"] * dated, *(headed(key, unit) for key, unit in figures.items())]
         head += [headed("v_infinity", units.speed)] * units.is_physical
         head.append(headed("off at the end", unit_of_errors(self._system)))
+        sigmas = {"distance_sigma": units.length, "time_sigma": units.time} if self._sigmas is not None else {}
+        head += [headed(key, unit) for key, unit in sigmas.items()]
         rows = []
         for a in islice(self, MOST_ROWS):
             date = [] if a.date is None else [date_text(a.date, 16)]
             free = ["bound" if a.v_infinity is None else f"{a.v_infinity.value:.6g}"] * units.is_physical
             off = "" if a.error is None else said(a.error).removesuffix(f" {a.error.unit}").replace("less than", "<")
-            rows.append([a.body, a.other, *date, *(f"{getattr(a, key).value:.6g}" for key in figures), *free, off])
+            own = [f"{getattr(a, key).value:.6g}" for key in figures]
+            spread = ["" if x is None else f"{x.value:.3g}" for x in (getattr(a, key) for key in sigmas)]
+            rows.append([a.body, a.other, *date, *own, *free, off, *spread])
         return head, rows, len(self) - len(rows)
 
 

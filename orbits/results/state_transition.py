@@ -8,7 +8,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import index_of
+from orbits.body_names import few, index_of
 from orbits.diagnostics.tangent import symplecticity_defect
 from orbits.errors import InputError, shown
 from orbits.export import headed, html_table, text_table
@@ -35,12 +35,27 @@ class StateTransition:
     velocity a time, a velocity by a position 1 / time. stm["Mercury", "Venus"], (..., 6, 6), is how Mercury depends on
     the start of Venus; stm["Mercury"] how it depends on its own. Blocks that were not computed, and those of a
     particle after it is lost, are NaN.
+
+    parameters : the names of those by which there are derivatives as well, such as "Apophis.A2"
+    by_parameters : (6 N, P) or (n, 6 N, P) float64: the derivatives by these, at the same start, per the unit in which
+        the system has each of them; stm["Apophis", "Apophis.A2"] are those of one body by one, (..., 6)
     """
 
-    def __init__(self, system: System, times: Array, matrix: Array, momenta: Array, *, made_by: str) -> None:
-        self.system, self.matrix, self.made_by = system, matrix, made_by
+    def __init__(
+        self,
+        system: System,
+        times: Array,
+        matrix: Array,
+        momenta: Array,
+        *,
+        made_by: str,
+        parameters: tuple[str, ...] = (),
+        by_parameters: Array | None = None,
+    ) -> None:
+        self.system, self.matrix, self.made_by, self.parameters = system, matrix, made_by, parameters
+        self.by_parameters = np.zeros((*matrix.shape[:-1], 0)) if by_parameters is None else by_parameters
         self._times, self._momenta = times, momenta
-        self.matrix.flags.writeable = False
+        self.matrix.flags.writeable = self.by_parameters.flags.writeable = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -53,14 +68,19 @@ class StateTransition:
         return u.Quantity(self._times, self.system.units.time)
 
     def __getitem__(self, key: str | tuple[str, str]) -> Array:
-        """Return the derivatives of a body by the start of another, (..., 6, 6); of one name, by its own start.
+        """Return the derivatives of a body by the start of another, (..., 6, 6), or by a parameter, (..., 6); of one
+        name, by its own start.
 
         Raises UnknownNameError for unknown names, InputError for other keys.
         """
         pair = (key, key) if isinstance(key, str) else key
         if not (isinstance(pair, tuple) and len(pair) == 2):
             raise InputError(f'stm[{shown(key)}]: expected one name or two, as in stm["Mercury", "Venus"].')
-        i, j = (index_of(name, self.names, "body") for name in pair)
+        i = index_of(pair[0], self.names, "body")
+        of_both = (*self.names, *self.parameters)
+        j = index_of(pair[1], of_both, "body or parameter" if self.parameters else "body")
+        if j >= len(self.names):
+            return np.asarray(self.by_parameters[..., 6 * i : 6 * i + 6, j - len(self.names)])
         return np.asarray(self.matrix[..., 6 * i : 6 * i + 6, 6 * j : 6 * j + 6])
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
@@ -68,7 +88,7 @@ class StateTransition:
         return np.array(self.matrix, dtype=dtype, copy=copy)
 
     def _ipython_key_completions_(self) -> list[str]:
-        return list(self.names)
+        return [*self.names, *self.parameters]
 
     def symplecticity_defect(self) -> Any:
         """Return the largest |M^T J M - J| of the massive bodies over |M|^2, with momenta p = dL/dv: at the
@@ -103,7 +123,11 @@ class StateTransition:
         count = f"{self.matrix.shape[-1]} x {self.matrix.shape[-1]}"
         end = u.Quantity(self._times.ravel()[-1], self.system.units.time)
         many = f"{self._times.size} samples to " if self._times.ndim else ""
-        return f"state transition {count} at {many}t = {end:g}, {self.made_by}; largest derivatives by its own start"
+        beside = f", and by {few(self.parameters, 3)}" if self.parameters else ""
+        return (
+            f"state transition {count}{beside} at {many}t = {end:g}, {self.made_by}; largest derivatives by its own "
+            "start"
+        )
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:
         unit = self.system.units.time

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 
 from orbits.archive.ended import STOPPED
 from orbits.errors import InputError
+from orbits.observing.line_of_sight import SKY, LineOfSight
 
 if TYPE_CHECKING:
+    from astropy import units as u
     from astropy.coordinates import EarthLocation
+    from astropy.table import QTable
 
     from orbits.observing import Ephemeris
     from orbits.protocols import March
@@ -42,7 +45,7 @@ class MarchesAgain(Protocol):
     def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of a run."""
 
-    def closest_approaches(self, run: Trajectory) -> Approaches:
+    def closest_approaches(self, run: Trajectory, covariance: Any = None, body: str | None = None) -> Approaches:
         """Return the closest approaches of bodies; see `Trajectory.closest_approaches`."""
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
@@ -54,7 +57,7 @@ class MarchesAgain(Protocol):
     def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
         """Return MEGNO and Lyapunov exponents along a run; see `Trajectory.megno`."""
 
-    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+    def state_transition(self, run: Trajectory, *, coupled: bool, parameters: Sequence[str]) -> StateTransition:
         """Return the state-transition matrices at the samples of a run; see `Trajectory.state_transition`."""
 
     def retired(self, run: Trajectory) -> RetiredParticles:
@@ -127,9 +130,14 @@ class MarchedAgain:
         self._require_method("run.at")
         return self._marches_again("run.at").at(run, t)
 
-    def closest_approaches(self) -> Approaches:
+    def closest_approaches(self, *, covariance: Any = None, body: str | None = None) -> Approaches:
         """Return the closest approaches of bodies between the start and the last step.
 
+            run.closest_approaches(covariance=fit)  # with the standard deviations of distances and times
+
+        covariance : of the start of one body: a fit, whose orbit the run begins with, its `covariance()`, or a matrix
+            (6, 6) in the units and axes of the system. It is carried along to first order by the state transition
+        body : whose covariance it is; by default that of the fit, or the only massless one
         They include all flybys within the reach of a body, each with the error it causes at the end of the run.
         The search samples the motion of each body on its own time scale: where inner planets make a star swing, the
         distance of a body far out is known to the amplitude of this swing.
@@ -137,7 +145,7 @@ class MarchedAgain:
         that was not made by `propagate` or `resume`.
         """
         run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.closest_approaches").closest_approaches(run)
+        return self._marches_again("run.closest_approaches").closest_approaches(run, covariance, body)
 
     def unresolved(self) -> list[Approach]:
         """Return the close passages that the step did not resolve, worst first; `propagate` warns of them.
@@ -179,15 +187,16 @@ class MarchedAgain:
         self._require_method("run.megno")
         return self._marches_again("run.megno").megno(run, coupled=coupled, seed=seed)
 
-    def state_transition(self, *, coupled: bool = True) -> StateTransition:
+    def state_transition(self, *, coupled: bool = True, parameters: Sequence[str] = ()) -> StateTransition:
         """Return the state-transition matrices at the samples of the run, which is marched again for it.
 
-        coupled : as in `orbits.state_transition`
+        coupled, parameters : as in `orbits.state_transition`
         Raises InputError as that does, and for a trajectory that cannot be integrated again.
         """
         run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.state_transition")
-        return self._marches_again("run.state_transition").state_transition(run, coupled=coupled)
+        again = self._marches_again("run.state_transition")
+        return again.state_transition(run, coupled=coupled, parameters=parameters)
 
     def ephemeris(
         self,
@@ -228,6 +237,43 @@ class MarchedAgain:
         self._require_method("run.ephemeris")
         self._marches_again("run.ephemeris")
         return ephemeris_of(run, bodies, observer, times, H=H, G=G, attributes=attributes(run.system))
+
+    def radial_velocity(self, body: str, along: LineOfSight = SKY, times: Any = None) -> u.Quantity:
+        """Return the radial velocity of a body as an observer at infinity measures it: positive if it recedes.
+
+            run.radial_velocity("star")                                     # of elements given in frame="sky"
+            run.radial_velocity("star", orbits.along(inc=60 * u.deg), times)
+
+        body : its name; along : the line of sight, see `orbits.along`, by default z
+        times : as for `run.at`; by default those of the samples
+
+        It is relative to the barycentre, in m/s (in the unit of speed of a system without physical units), of the shape
+        of the times, which are those of the body: without light time and relativity. Raises InputError for times
+        outside the run, and if bodies merge or are changed; UnknownNameError.
+        """
+        from orbits.observing.line_of_sight import radial_velocity_of
+
+        run: Trajectory = self  # type: ignore[assignment]
+        return radial_velocity_of(run, body, along, times)
+
+    def transits(self, body: str, along: LineOfSight = SKY, star: str | None = None) -> QTable:
+        """Return a table of the transits of a body that `orbits.events.Transit` found, as seen from infinity.
+
+            run = orbits.propagate(system, ..., events=orbits.events.Transit("b", "star", observer=orbits.along()))
+            print(run.transits("b"))
+
+        body : its name; along : the line of sight of the event; star : the body behind it, if it passes several
+
+        The columns are number, date (TDB, if there is an epoch) and time of the middle, where both are closest on the
+        sky; duration, from first to fourth contact, and full_duration, from second to third (NaN without them);
+        impact_parameter, the least distance in radii of the star; and o_minus_c, the time less that of the linear
+        ephemeris with the least squares, whose t0 (a time since the epoch) and period are in its meta.
+        Raises InputError if there are no transits, or if they were sought along another line; UnknownNameError.
+        """
+        from orbits.observing.transits import transits_of
+
+        run: Trajectory = self  # type: ignore[assignment]
+        return transits_of(run, body, along, star)
 
     def _before(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""

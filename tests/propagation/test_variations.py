@@ -376,7 +376,7 @@ def test_what_has_no_known_derivative_is_refused_with_the_reason():
     with pytest.raises(InputError, match="no terms besides Newton's gravity"):
         matrix(system.with_terms(J2), HELIOCENTRIC, dt=0.1, duration=1.0)
     with pytest.raises(InputError, match="Drag"):
-        matrix(system.with_forces(Drag(rate=0.1)), dt=0.1, duration=1.0)
+        matrix(system.with_forces(Drag(rate=0.1)), orbits.WisdomHolman(), dt=0.1, duration=1.0)
     with pytest.raises(InputError, match="steps of time"):
         matrix(system, dt=orbits.TimeTransformed(step=0.3), duration=1.0)
     with pytest.raises(InputError, match="not separable"):

@@ -35,7 +35,7 @@ from tests.stopping import after_samples
 from ..coverings import each, every, first
 
 STUDIES = [
-    *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight"),
+    *("arenstorf", "brouwer", "de440", "didymos", "discrete_kepler", "eccentric", "euler_top", "figure_eight", "fit"),
     *("hyperion", "liouville", "mercury", "mercury_spin", "outer_solar_system", "pendulum", "planetesimals"),
     *("pleiades", "resonance_map", "three_body_zoo", "work_precision"),
 ]
@@ -54,6 +54,7 @@ IN_EPHEMERIS = ("apophis",)  # in tests/ephemeris/test_in_ephemeris.py
 
 BY_MAPS = "kirkwood_gaps", "secular", "trojans"  # in test_long_runs.py and test_studies.py
 BY_FORCES = ("dust",)  # in test_dust.py
+BY_FITS = ("ttv",)  # in tests/fitting/test_planets.py
 
 
 def pair(**changes):
@@ -74,7 +75,7 @@ def pair(**changes):
 
 
 def test_the_bundled_scenarios_are_those_of_the_docs():
-    named = [*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES, *IN_EPHEMERIS]
+    named = [*SHORT, *WITHOUT_DT, *STUDIES, *BY_MAPS, *BY_FORCES, *BY_FITS, *IN_EPHEMERIS]
     assert [each.name for each in bundled()] == sorted(named)
     assert all(each.summary for each in bundled())
 

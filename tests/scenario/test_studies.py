@@ -619,3 +619,10 @@ def test_the_study_of_the_docs_runs(tmp_path):
     made = load(str(tmp_path / "bounded.py"))
     assert perform(made, out=tmp_path).ok
     assert certify_scenario(made, out=tmp_path).ok
+
+
+@pytest.mark.slow
+def test_apophis_from_its_observations_passes_where_jpl_has_it(tmp_path):
+    outcome = perform(load("fit"), out=tmp_path)
+    assert outcome.ok, outcome.failures
+    assert {path.name for path in outcome.files} == {"fit.png", "residuals.png", "report.json"}

@@ -19,26 +19,13 @@ from orbits.integrators.canonical.particles import step_particles
 from orbits.integrators.canonical.room import HOURS, INVERSE, MU, MU_BAR, stages_in, work_in
 from orbits.integrators.collocation.lengths import CANCELLED, TINY
 from orbits.integrators.collocation.rows import HB, HC, HC_LO, LAST, WEIGHTS, is_close
-from orbits.kernels.binding import Tag, dimension, gross_attraction, kernel_of
+from orbits.kernels.binding import Tag, dimension, gross_attraction
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.ephemeris.chebyshev import ROW, Given, place_given
+from orbits.kernels.ephemeris.chebyshev import ROW, given_in, held_by, place_given
 from orbits.kernels.lanes import WIDTH, fma, full, largest, load, select, store, total, unit
 from orbits.kernels.steps import NOT_CONVERGED, NOT_FINITE, OK
 from orbits.kernels.sums.summation import moved
-
-
-@verb
-def given_in(lagrangian, parameters):
-    """Return what gives the motion of bodies, of a sum with a term that does."""
-    place = next(k for k, term in enumerate(lagrangian.terms) if kernel_of(term, "given"))
-    return lambda lagrangian, parameters: Given(parameters[place][0], parameters[place][1], parameters[place][2])
-
-
-@kernel(inline=True)
-def held_by(given):
-    """Return the number of bodies whose motion is given."""
-    return int(given.table[given.table.shape[0] - 1, ROW]) + 1
 
 
 @kernel(inline=True)

@@ -15,7 +15,9 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from orbits.kernels.binding import kernel_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import full, largest, load, select, store
 from orbits.kernels.sums.summation import two_sum
 
@@ -44,6 +46,19 @@ class Given(NamedTuple):
     table: Any
     words: Any
     more: Any
+
+
+@verb
+def given_in(lagrangian, parameters):
+    """Return what gives the motion of bodies, of a sum with a term that does."""
+    place = next(k for k, term in enumerate(lagrangian.terms) if kernel_of(term, "given"))
+    return lambda lagrangian, parameters: Given(parameters[place][0], parameters[place][1], parameters[place][2])
+
+
+@kernel(inline=True)
+def held_by(given):
+    """Return the number of bodies whose motion is given."""
+    return int(given.table[given.table.shape[0] - 1, ROW]) + 1
 
 
 @kernel(inline=True)

@@ -11,6 +11,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic
 
 from orbits.kernels.compile import cpu_features, kernel
+from orbits.kernels.lanes import dual as of_duals
 from orbits.kernels.lanes.type import (
     DOUBLE,
     FUSE,
@@ -21,6 +22,7 @@ from orbits.kernels.lanes.type import (
     call_intrinsic,
     common_type,
     constant,
+    dual,
     is_operand,
     shuffle,
     suffixed,
@@ -88,12 +90,14 @@ _register_unary(abs, lambda b, x: call_intrinsic(b, suffixed("llvm.fabs", x.type
 
 @intrinsic
 def fma(typingctx, a, b, c):
-    """Return a*b + c rounded once; float64 or `Lanes`."""
+    """Return a*b + c rounded once; float64, dual numbers or `Lanes`."""
     kind = common_type(a, b, c)
     if kind is None:
         return None
 
     def codegen(context, builder, sig, args):
+        if kind == dual:
+            return of_duals.multiply_add(builder, *_as_duals(context, builder, sig.args, args))
         if kind is types.float64:
             values = [context.cast(builder, v, k, kind) for v, k in zip(args, sig.args, strict=True)]
             return builder.fma(*values)
@@ -103,17 +107,23 @@ def fma(typingctx, a, b, c):
     return kind(a, b, c), codegen
 
 
+def _as_duals(context, builder, kinds, args):
+    return [of_duals.dual_of(context, builder, v, k) for v, k in zip(args, kinds, strict=True)]
+
+
 def _emit_sqrt(builder, value):
     return call_intrinsic(builder, suffixed("llvm.sqrt", value.type), [value])
 
 
-def _elementwise(emit, doc):
+def _elementwise(emit, doc, emit_of_duals):
     def typing(typingctx, a, b):
         kind = common_type(a, b)
         if kind is None:
             return None
 
         def codegen(context, builder, sig, args):
+            if kind == dual:
+                return emit_of_duals(builder, *_as_duals(context, builder, sig.args, args))
             pairs = zip(args, sig.args, strict=True)
             if isinstance(kind, LanesType):
                 x, y = (widen(context, builder, v, k, kind) for v, k in pairs)
@@ -130,12 +140,14 @@ def _elementwise(emit, doc):
 
 @intrinsic
 def sqrt(typingctx, x):
-    """Return the square root, correctly rounded; float64 or `Lanes`."""
+    """Return the square root, correctly rounded; float64, dual numbers or `Lanes`."""
     kind = common_type(x)
     if kind is None:
         return None
 
     def codegen(context, builder, sig, args):
+        if kind == dual:
+            return of_duals.square_root(builder, args[0])
         value = args[0] if isinstance(kind, LanesType) else context.cast(builder, args[0], sig.args[0], kind)
         return _emit_sqrt(builder, value)
 
@@ -144,12 +156,14 @@ def sqrt(typingctx, x):
 
 @intrinsic
 def rint(typingctx, x):
-    """Return the nearest integer, ties to even; float64 or `Lanes`."""
+    """Return the nearest integer, ties to even; float64, dual numbers or `Lanes`."""
     kind = common_type(x)
     if kind is None:
         return None
 
     def codegen(context, builder, sig, args):
+        if kind == dual:
+            return of_duals.rounded(builder, args[0])
         value = args[0] if isinstance(kind, LanesType) else context.cast(builder, args[0], sig.args[0], kind)
         return call_intrinsic(builder, suffixed("llvm.rint", value.type), [value])
 
@@ -159,14 +173,28 @@ def rint(typingctx, x):
 maximum = _elementwise(
     lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y),
     "Return the larger of a and b, lane by lane; b if one of them is NaN.",
+    of_duals.chosen(">"),
 )
 minimum = _elementwise(
     lambda b, x, y: b.select(b.fcmp_ordered("<", x, y), x, y),
     "Return the smaller of a and b, lane by lane; b if one of them is NaN.",
+    of_duals.chosen("<"),
 )
-exact_add = _elementwise(lambda b, x, y: b.fadd(x, y), "Return fl(a + b), never fused; float64 or `Lanes`.")
-exact_mul = _elementwise(lambda b, x, y: b.fmul(x, y), "Return fl(a b), never fused; float64 or `Lanes`.")
-exact_sub = _elementwise(lambda b, x, y: b.fsub(x, y), "Return fl(a - b), never fused; float64 or `Lanes`.")
+exact_add = _elementwise(
+    lambda b, x, y: b.fadd(x, y),
+    "Return fl(a + b), never fused; float64 or `Lanes`.",
+    of_duals.add,
+)
+exact_mul = _elementwise(
+    lambda b, x, y: b.fmul(x, y),
+    "Return fl(a b), never fused; float64 or `Lanes`.",
+    of_duals.multiply,
+)
+exact_sub = _elementwise(
+    lambda b, x, y: b.fsub(x, y),
+    "Return fl(a - b), never fused; float64 or `Lanes`.",
+    of_duals.subtract,
+)
 
 
 @intrinsic
@@ -181,10 +209,12 @@ def select(typingctx, condition, a, b):
 
         def choose(context, builder, sig, args):
             chosen = context.cast(builder, args[0], sig.args[0], types.boolean)
+            if kind == dual:
+                return builder.select(chosen, *_as_duals(context, builder, sig.args[1:], args[1:]))
             x, y = (context.cast(builder, v, k, kind) for v, k in zip(args[1:], sig.args[1:], strict=True))
             return builder.select(chosen, x, y)
 
-        return (kind(condition, a, b), choose) if kind is types.float64 else None
+        return (kind(condition, a, b), choose) if kind in (types.float64, dual) and condition != dual else None
 
     def codegen(context, builder, sig, args):
         x, y = (widen(context, builder, v, k, condition) for v, k in zip(args[1:], sig.args[1:], strict=True))
@@ -213,14 +243,19 @@ def _emit_fma(builder, a, b, c):
 
 @intrinsic
 def _rsqrt_estimate(typingctx, x):
-    """Return 1/sqrt(x) to 14 bits or better, cut to 17 bits so that its cube is exact; float64 or `Lanes`."""
+    """Return 1/sqrt(x) to 14 bits or better, cut to 17 bits so that its cube is exact; float64 or `Lanes`. That of a
+    dual number is a float64, about which a series gives the derivative as well.
+    """
     kind = common_type(x)
     if kind is None:
         return None
+    result = types.float64 if kind == dual else kind
 
     def codegen(context, builder, sig, args):
+        if kind == dual:
+            args, sig = [of_duals.parts(builder, args[0])[0]], result(result)
         count = kind.count if isinstance(kind, LanesType) else 1
-        value = args[0] if count > 1 else context.cast(builder, args[0], sig.args[0], kind)
+        value = args[0] if count > 1 else context.cast(builder, args[0], sig.args[0], result)
         words = ir.VectorType(INT64, count) if count > 1 else INT64
         keep = ir.Constant(words, [-(1 << 36)] * count if count > 1 else -(1 << 36))
         if count > 1 and "avx512f" in cpu_features():  # LLVM aborts the process if the CPU lacks it
@@ -238,7 +273,7 @@ def _rsqrt_estimate(typingctx, x):
             y = builder.fdiv(ir.Constant(DOUBLE, 1.0), _emit_sqrt(builder, value))
         return builder.bitcast(builder.and_(builder.bitcast(y, words), keep), value.type)
 
-    return kind(x), codegen
+    return result(x), codegen
 
 
 @kernel(inline=True)

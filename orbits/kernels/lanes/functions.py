@@ -1,4 +1,6 @@
-"""Elementary functions of float64 and, lane by lane, of `Lanes`: both give the same bits, those of the C library."""
+"""Elementary functions of float64, of dual numbers and, lane by lane, of `Lanes`: all give the same bits, those of the
+C library.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,9 @@ from numba.extending import intrinsic
 
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes.arithmetic import select
+from orbits.kernels.lanes.dual import dual_number, number, slope
 from orbits.kernels.lanes.memory import full, lane
-from orbits.kernels.lanes.type import VECTOR, LanesType, lanes
+from orbits.kernels.lanes.type import VECTOR, LanesType, dual, lanes
 
 
 @intrinsic
@@ -27,8 +30,10 @@ def _packed(typingctx, a, b, c, d, e, f, g, h):
     return lanes(*[types.float64] * 8), codegen
 
 
-def _unary(function):
-    """Return a decorator for a verb that calls the scalar `function` for float64, and eight times for `Lanes`."""
+def _unary(function, derivative):
+    """Return a decorator for a verb that calls the scalar `function` for float64, and eight times for `Lanes`; of dual
+    numbers with its derivative.
+    """
 
     def of_number(x):
         return function(x)
@@ -45,15 +50,22 @@ def _unary(function):
             function(lane(x, 7)),
         )
 
+    def of_dual(x):
+        return dual_number(function(number(x)), slope(x) * differentiated(number(x)))
+
+    differentiated = verb(lambda x: derivative, options={})
+
     def choose(x):
         if isinstance(x, LanesType):
             return of_lanes
+        if x == dual:
+            return of_dual
         return of_number if isinstance(x, types.Float | types.Integer) else None
 
     return partial(update_wrapper, verb(choose, options={}))
 
 
-def _binary(function):
+def _binary(function, by_first, by_second):
     def of_numbers(x, y):
         return function(x, y)
 
@@ -75,7 +87,19 @@ def _binary(function):
     def of_number_and_lanes(x, y):
         return of_lanes_both(full(x), y)
 
+    def of_duals(x, y):
+        a, b, change = number(x), number(y), 0.0
+        if slope(x) != 0.0:
+            change += slope(x) * first(a, b)
+        if slope(y) != 0.0:
+            change += slope(y) * second(a, b)
+        return dual_number(function(a, b), change)
+
+    first, second = verb(lambda x, y: by_first, options={}), verb(lambda x, y: by_second, options={})
+
     def choose(x, y):
+        if dual in (x, y):
+            return of_duals
         wide = isinstance(x, LanesType), isinstance(y, LanesType)
         return {
             (True, True): of_lanes,
@@ -88,67 +112,67 @@ def _binary(function):
     return partial(update_wrapper, of_lanes_both)
 
 
-@_unary(math.sin)
+@_unary(math.sin, lambda x: math.cos(x))
 def sin(x):
     """Return the sine; float64 or `Lanes`."""
 
 
-@_unary(math.cos)
+@_unary(math.cos, lambda x: -math.sin(x))
 def cos(x):
     """Return the cosine; float64 or `Lanes`."""
 
 
-@_unary(math.tan)
+@_unary(math.tan, lambda x: 1.0 + math.tan(x) ** 2)
 def tan(x):
     """Return the tangent; float64 or `Lanes`."""
 
 
-@_unary(math.asin)
+@_unary(math.asin, lambda x: 1.0 / math.sqrt(1.0 - x * x))
 def asin(x):
     """Return the inverse sine; float64 or `Lanes`."""
 
 
-@_unary(math.acos)
+@_unary(math.acos, lambda x: -1.0 / math.sqrt(1.0 - x * x))
 def acos(x):
     """Return the inverse cosine; float64 or `Lanes`."""
 
 
-@_unary(math.atan)
+@_unary(math.atan, lambda x: 1.0 / (1.0 + x * x))
 def atan(x):
     """Return the inverse tangent; float64 or `Lanes`."""
 
 
-@_unary(math.sinh)
+@_unary(math.sinh, lambda x: math.cosh(x))
 def sinh(x):
     """Return the hyperbolic sine; float64 or `Lanes`."""
 
 
-@_unary(math.cosh)
+@_unary(math.cosh, lambda x: math.sinh(x))
 def cosh(x):
     """Return the hyperbolic cosine; float64 or `Lanes`."""
 
 
-@_unary(math.tanh)
+@_unary(math.tanh, lambda x: 1.0 - math.tanh(x) ** 2)
 def tanh(x):
     """Return the hyperbolic tangent; float64 or `Lanes`."""
 
 
-@_unary(math.exp)
+@_unary(math.exp, lambda x: math.exp(x))
 def exp(x):
     """Return the exponential; float64 or `Lanes`."""
 
 
-@_unary(math.log)
+@_unary(math.log, lambda x: 1.0 / x)
 def log(x):
     """Return the natural logarithm; float64 or `Lanes`."""
 
 
-@_binary(math.atan2)
+@_binary(math.atan2, lambda x, y: y / (x * x + y * y), lambda x, y: -x / (x * x + y * y))
 def atan2(y, x):
     """Return the angle of the point (x, y); float64 or `Lanes`."""
 
 
-@_binary(math.pow)
+@_binary(math.pow, lambda x, y: y * math.pow(x, y - 1.0), lambda x, y: math.pow(x, y) * math.log(x))
 def power(x, y):
     """Return x to the power y; float64 or `Lanes`."""
 

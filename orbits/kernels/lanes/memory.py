@@ -10,8 +10,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from orbits.kernels.compile.verbs import verb
+from orbits.kernels.lanes.dual import dual_of
 from orbits.kernels.lanes.type import (
     DOUBLE,
+    DUAL,
     INT32,
     INT64,
     VECTOR,
@@ -19,6 +21,7 @@ from orbits.kernels.lanes.type import (
     LanesType,
     common_type,
     constant,
+    dual,
     element_pointer,
     is_contiguous,
     is_operand,
@@ -113,14 +116,15 @@ def _load_element(typingctx, array, index):
         index = context.cast(builder, args[1], sig.args[1], types.int64)
         return builder.load(element_pointer(context, builder, sig.args[0], args[0], index))
 
-    return types.float64(array, index), codegen
+    return array.dtype(array, index), codegen
 
 
 @intrinsic
 def _store_element(typingctx, array, index, value):
     def codegen(context, builder, sig, args):
         index = context.cast(builder, args[1], sig.args[1], types.int64)
-        builder.store(args[2], element_pointer(context, builder, sig.args[0], args[0], index))
+        value = dual_of(context, builder, args[2], sig.args[2]) if sig.args[0].dtype == dual else args[2]
+        builder.store(value, element_pointer(context, builder, sig.args[0], args[0], index))
         return context.get_dummy_value()
 
     return types.void(array, index, value), codegen
@@ -128,20 +132,20 @@ def _store_element(typingctx, array, index, value):
 
 @partial(verb, options={})
 def get(array, index):
-    """Return element `index` of a vector as float64, or row `index` of an (n, 8) array as `Lanes`."""
+    """Return element `index` of a vector as float64 or dual number, or row `index` of an (n, 8) array as `Lanes`."""
     if is_contiguous(array, 2):
         return load
-    if is_contiguous(array, 1):
+    if is_contiguous(array, 1) or is_contiguous(array, 1, of=dual):
         return _load_element
     return None
 
 
 @partial(verb, options={})
 def put(array, index, value):
-    """Write float64 to element `index` of a vector, or `Lanes` to row `index` of an (n, 8) array."""
+    """Write float64 or a dual number to element `index` of a vector, or `Lanes` to row `index` of an (n, 8) array."""
     if is_contiguous(array, 2):
         return store
-    if is_contiguous(array, 1):
+    if is_contiguous(array, 1) or is_contiguous(array, 1, of=dual):
         return _store_element
     return None
 
@@ -151,20 +155,21 @@ def room(typingctx, count, like):
     """Return `count` numbers, or rows of eight if `like` has such rows, on the stack: workspace until the kernel that
     calls this returns. A kernel calls it once, outside of loops, for at most a megabyte.
     """
-    if not (is_contiguous(like, 1, 2) and isinstance(count, types.Integer)):
+    if not (is_contiguous(like, 1, 2) or is_contiguous(like, 1, of=dual)) or not isinstance(count, types.Integer):
         return None
-    found = types.Array(types.float64, like.ndim, "C")
+    found = types.Array(like.dtype, like.ndim, "C")
+    element, size = (DUAL, 16) if like.dtype == dual else (DOUBLE, 8)
 
     def codegen(context, builder, sig, args):
         from numba.np.arrayobj import populate_array  # a run whose kernels are on disk does not need it
 
         shape = [context.cast(builder, args[0], sig.args[0], types.int64), INT64(WIDTH)][: like.ndim]
-        strides = [INT64(8)] if like.ndim == 1 else [INT64(8 * WIDTH), INT64(8)]
+        strides = [INT64(size)] if like.ndim == 1 else [INT64(8 * WIDTH), INT64(8)]
         elements = shape[0] if like.ndim == 1 else builder.mul(*shape)
-        data = builder.alloca(DOUBLE, size=elements)
+        data = builder.alloca(element, size=elements)
         data.align = 64
         array = context.make_array(found)(context, builder)
-        populate_array(array, data=data, shape=shape, strides=strides, itemsize=INT64(8), meminfo=None)
+        populate_array(array, data=data, shape=shape, strides=strides, itemsize=INT64(size), meminfo=None)
         return array._getvalue()
 
     return found(count, like), codegen
@@ -192,6 +197,8 @@ def alike(typingctx, value, other):
     def codegen(context, builder, sig, args):
         if isinstance(kind, LanesType):
             return widen(context, builder, args[0], sig.args[0], kind)
+        if kind == dual:
+            return dual_of(context, builder, args[0], sig.args[0])
         return context.cast(builder, args[0], sig.args[0], kind)
 
     return kind(value, other), codegen

@@ -15,6 +15,7 @@ WIDTH = 8
 """The number of float64 in a `Lanes`."""
 DOUBLE = ir.DoubleType()
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
+DUAL = ir.LiteralStructType([DOUBLE, DOUBLE])
 INT64 = ir.IntType(64)
 INT32 = ir.IntType(32)
 FUSE = ("contract",)
@@ -28,14 +29,28 @@ class LanesType(types.Type):
         self.count = count
 
 
+class DualType(types.Type):
+    """The Numba type of a number with its derivative, see `orbits.kernels.lanes.dual`."""
+
+    def __init__(self) -> None:
+        super().__init__(name="Dual")
+
+
 lanes = LanesType(WIDTH)
 pair = LanesType(2 * WIDTH)
+dual = DualType()
 
 
 @register_model(LanesType)
 class _LanesModel(PrimitiveModel):
     def __init__(self, dmm, fe_type):
         super().__init__(dmm, fe_type, vector(fe_type.count))
+
+
+@register_model(DualType)
+class _DualModel(PrimitiveModel):
+    def __init__(self, dmm, fe_type):
+        super().__init__(dmm, fe_type, DUAL)
 
 
 def vector(count):
@@ -76,7 +91,7 @@ def suffixed(name, kind):
 
 
 def is_operand(kind):
-    return isinstance(kind, LanesType | types.Float | types.Integer)
+    return isinstance(kind, LanesType | DualType | types.Float | types.Integer)
 
 
 def element_pointer(context, builder, kind, array, index):
@@ -87,17 +102,17 @@ def element_pointer(context, builder, kind, array, index):
     return builder.gep(data, [index])
 
 
-def is_contiguous(kind, *dimensions):
-    return (
-        isinstance(kind, types.Array) and kind.layout == "C" and kind.dtype == types.float64 and kind.ndim in dimensions
-    )
+def is_contiguous(kind, *dimensions, of=types.float64):
+    return isinstance(kind, types.Array) and kind.layout == "C" and kind.dtype == of and kind.ndim in dimensions
 
 
 def common_type(*kinds):
-    """Return the common type of operands: that of the lanes among them, float64 if none are; None for several."""
+    """Return the common type of operands: that of the lanes or dual numbers among them, float64 if none are; None for
+    several.
+    """
     if not all(map(is_operand, kinds)):
         return None
-    wide = {k for k in kinds if isinstance(k, LanesType)}
+    wide = {k for k in kinds if isinstance(k, LanesType | DualType)}
     if len(wide) > 1:
         return None
     return wide.pop() if wide else types.float64

@@ -1,5 +1,5 @@
-"""Tangent vectors that follow a march of bodies with terms that depend on velocities; see
-`orbits.kernels.tangents.through_stages`.
+"""Tangent vectors that follow a march of bodies with terms that depend on velocities, with forces without a Lagrangian,
+or of parameters; see `orbits.kernels.tangents.through_stages`.
 
 The step is one of positions and momenta, and so is its derivative. Momenta count per mass: w = p / m, which is v
 without such terms. With the derivatives of F = dL/dq and p = dL/dv at the stages,
@@ -8,7 +8,9 @@ without such terms. With the derivatives of F = dL/dq and p = dL/dv at the stage
     K_i = h b_i dV_i,                    L_i = h b_i (L_qq dQ_i + L_qv dV_i) / m
     dq+ = dq + sum_i K_i,                dw+ = dw + sum_i L_i
 
-The stages are iterated to the round-off floor, those of the bodies first.
+Forces add to L_qq and L_qv. Their internal variables y are stepped like momenta: with dY at the end of dQ, and with
+the derivatives of y' in the last rows of blocks and of L. The vector of a parameter has sources beside: the derivatives
+of F, y' and p by it. The stages are iterated to the round-off floor, those of the bodies first.
 
 Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1, VI.6.2.
 """
@@ -18,10 +20,20 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from orbits.kernels.binding import dimension, gradients, hessians
+from orbits.kernels.binding import SumType, dimension, kernel_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
+from orbits.kernels.ephemeris.chebyshev import given_in, held_by, place_given
 from orbits.kernels.lanes import any_lane, full, load, maximum, select, store
 from orbits.kernels.sums.summation import accumulate
+from orbits.kernels.tangents.by_duals import (
+    add_forces_to_blocks,
+    all_gradients,
+    all_hessians,
+    gather_sources,
+    with_source,
+    write_stage_sources,
+)
 from orbits.kernels.tangents.through_stages import FLOOR, NODE, STALLED, SWEEPS, WEIGHT, add_block, measure
 
 MU = 2
@@ -32,10 +44,13 @@ QQ, QV, VQ, VV = 0, 1, 2, 3
 
 
 class MomentaRoom(NamedTuple):
-    """Workspace for D coordinates of the bodies, d of the vectors, s stages.
+    """Workspace for D coordinates of the bodies, d of the vectors, m internal variables, e = d + m, s stages.
 
     Q, V, f, p : (s, padded) positions, velocities, forces and momenta of the stages; w : (padded,), w of the bodies
-    curvature : (3 D^2,) second derivatives of L; blocks : (s, 4, d, d), see `QQ`; dQ, dW : (d, 8)
+    curvature : (3 D^2,) second derivatives of L; blocks : (s, 4, e, e), see `QQ`; dQ, dW : (e, 8)
+    y : (m,), the internal variables; Y, rates : (s, m), they and their rates at the stages
+    ahead, given : (8,) and (2 D, 8), for bodies of an ephemeris; the latter empty without them
+    acting : see `Acting`; None without forces and parameters
     """
 
     Q: Any
@@ -47,12 +62,18 @@ class MomentaRoom(NamedTuple):
     blocks: Any
     dQ: Any
     dW: Any
+    y: Any
+    Y: Any
+    rates: Any
+    ahead: Any
+    given: Any
+    acting: Any
 
 
 @kernel
 def follow_momenta(model, table, course, before, fan, some, inertia, scale, room):
-    """As `orbits.kernels.tangents.through_stages.follow`, with vectors of dq and dw, and kicks (groups, 2 s d, 8): L
-    and K.
+    """As `orbits.kernels.tangents.through_stages.follow`, with vectors of dq and dw, and kicks (groups, s (e + d), 8):
+    L and K.
 
     before : not used: the stages start from those of the step before, whatever its length
     """
@@ -64,14 +85,43 @@ def follow_momenta(model, table, course, before, fan, some, inertia, scale, room
             return k
         for i in range(table.shape[0]):
             at = t + table[i, NODE] * h
-            hessians(model.tag, model.parameters, at, room.Q[i], room.V[i], room.curvature)
-            write_blocks(room.curvature, some, inertia, room.blocks[i])
+            Q, V, Y, blocks = room.Q[i], room.V[i], room.Y[i], room.blocks[i]
+            all_hessians(model, at, Q, V, room.curvature)
+            write_blocks(room.curvature, some, inertia, blocks)
+            add_forces_to_blocks(model, room.acting, at, Q, V, Y, some, inertia, blocks[QQ], blocks[QV])
+            write_stage_sources(model, room.acting, i, at, Q, V, Y, some)
         for g in range(fan.vectors.shape[0]):
-            if not advance(table, h, room.blocks, fan.vectors[g], fan.kicks[g], room.dQ, room.dW):
+            gather_sources(room.acting, g)
+            if not advance(table, h, 3 * some.shape[0], room.blocks, fan.vectors[g], fan.kicks[g], room):
                 return k
             if fan.growth.shape[0]:
                 measure(abs(t), abs(h), scale, fan.vectors[g], fan.kicks[g], fan.growth[g])
+        for a in range(room.y.shape[0]):
+            for i in range(table.shape[0]):
+                room.y[a] += h * table[i, WEIGHT] * room.rates[i, a]
     return course.lengths.shape[0]
+
+
+@verb
+def place_held(model, table, t, h, n, room):
+    """Write where given bodies are at the stages of a step, and return how many these are."""
+    if not isinstance(model.types[0], SumType) or not any(kernel_of(x, "given") for x in model.types[0].terms):
+        return lambda model, table, t, h, n, room: 0
+    return _place_held
+
+
+@kernel
+def _place_held(model, table, t, h, n, room):
+    given, rows = given_in(model.tag, model.parameters), room.given
+    held = held_by(given)
+    for i in range(table.shape[0]):
+        room.ahead[i] = h * table[i, NODE]
+    place_given(given, t, load(room.ahead, 0), n, rows[: 3 * n], rows[3 * n :])
+    for i in range(table.shape[0]):
+        for k in range(3 * n):
+            if k % n < held:
+                room.Q[i, k], room.V[i, k] = rows[k, i], rows[3 * n + k, i]
+    return held
 
 
 @kernel
@@ -79,33 +129,47 @@ def place_stages(model, table, t, h, start, end, inertia, room):
     """Write positions and velocities of the bodies at the stages of a step. Returns whether their iteration
     converges.
     """
-    Q, V, f, p, w, s = room.Q, room.V, room.f, room.p, room.w, table.shape[0]
+    Q, V, f, p, w, Y, rates, s = room.Q, room.V, room.f, room.p, room.w, room.Y, room.rates, table.shape[0]
     q, v = start[0], start[1]
     size, n = dimension(model.tag, model.parameters), inertia.shape[0]
-    gradients(model.tag, model.parameters, t, q, v, f[0], w)
+    all_gradients(model, t, q, v, room.y, f[0], w, rates[0])
     for k in range(size):
         w[k] = w[k] * inertia[k % n]
         for i in range(s):
             V[i, k] = v[k] + table[i, NODE] * (end[1, k] - v[k])
+    held = place_held(model, table, t, h, n, room)
     last = math.inf
     for _sweep in range(SWEEPS):
+        settled = True
         for i in range(s):
             for k in range(size):
+                if k % n < held:
+                    continue
                 way = 0.0
                 for j in range(s):
                     way += table[i, MU + j] * (h * table[j, WEIGHT]) * V[j, k]
                 Q[i, k] = q[k] + way
-            gradients(model.tag, model.parameters, t + table[i, NODE] * h, Q[i], V[i], f[i], p[i])
+            for a in range(room.y.shape[0]):
+                turned = 0.0
+                for j in range(s):
+                    turned += table[i, MU + s + j] * (h * table[j, WEIGHT]) * rates[j, a]
+                new = room.y[a] + turned
+                settled = settled and abs(new - Y[i, a]) <= STALLED * abs(new)
+                Y[i, a] = new
+        for i in range(s):
+            all_gradients(model, t + table[i, NODE] * h, Q[i], V[i], Y[i], f[i], p[i], rates[i])
         change = reach = 0.0
         for i in range(s):
             for k in range(size):
+                if k % n < held:
+                    continue
                 kick = 0.0
                 for j in range(s):
                     kick += table[i, MU + s + j] * (h * table[j, WEIGHT]) * f[j, k]
                 new = V[i, k] + (w[k] + (kick - p[i, k]) * inertia[k % n])
                 change, reach = max(change, abs(new - V[i, k])), max(reach, abs(new))
                 V[i, k] = new
-        if change <= FLOOR * reach or (change <= STALLED * reach and not change <= 0.5 * last):
+        if settled and (change <= FLOOR * reach or (change <= STALLED * reach and not change <= 0.5 * last)):
             return True
         if change * 0.0 != 0.0:
             return False
@@ -115,8 +179,8 @@ def place_stages(model, table, t, h, start, end, inertia, room):
 
 @kernel
 def write_blocks(curvature, some, inertia, blocks):
-    """Write the blocks of derivatives at a stage, (4, d, d)."""
-    square, d = curvature.shape[0] // 3, blocks.shape[1]
+    """Write the blocks of derivatives at a stage, (4, e, e), without those of forces."""
+    square, d = curvature.shape[0] // 3, 3 * some.shape[0]
     blocks[:] = 0.0
     add_block(curvature, 0, some, inertia, blocks[QQ])
     add_block(curvature, square, some, inertia, blocks[QV])
@@ -131,14 +195,15 @@ def write_blocks(curvature, some, inertia, blocks):
 
 
 @kernel
-def advance(table, h, blocks, vectors, kicks, dQ, dW):
-    """Take a step of eight tangent vectors, (4, d, 8). Returns whether the iteration of the stages converges.
+def advance(table, h, d, blocks, vectors, kicks, room):
+    """Take a step of eight tangent vectors, (4, e, 8). Returns whether the iteration of the stages converges.
 
-    kicks : (2 s d, 8), L of all stages, then K
+    kicks : (s (e + d), 8), L of all stages, then K
     """
-    s, d = table.shape[0], blocks.shape[2]
+    s, e = table.shape[0], blocks.shape[2]
+    dQ, dW = room.dQ, room.dW
     q, q_lo, w, w_lo = vectors[0], vectors[1], vectors[2], vectors[3]
-    L, K = kicks[: s * d], kicks[s * d :]
+    L, K = kicks[: s * e], kicks[s * e :]
     last, settled = full(math.inf), False
     for _sweep in range(SWEEPS):
         change, size, moved, way = full(0.0), full(0.0), full(0.0), full(0.0)  # of L, and of K
@@ -148,24 +213,31 @@ def advance(table, h, blocks, vectors, kicks, dQ, dW):
                 x, y = load(q_lo, a), load(w_lo, a)
                 for j in range(s):
                     x = x + table[i, MU + j] * load(K, j * d + a)
-                    y = y + table[i, MU + s + j] * load(L, j * d + a)
+                    y = y + table[i, MU + s + j] * load(L, j * e + a)
                 store(dQ, a, load(q, a) + x)
                 store(dW, a, load(w, a) + y)
+            for a in range(d, e):
+                y = load(w_lo, a)
+                for j in range(s):
+                    y = y + table[i, MU + s + j] * load(L, j * e + a)
+                store(dQ, a, load(w, a) + y)
             for a in range(d):
                 x = load(dW, a)
                 for b in range(d):
                     x = x - blocks[i, VQ, a, b] * load(dQ, b)
                     x = x - blocks[i, VV, a, b] * (load(K, i * d + b) * (1.0 / hb))
+                x = with_source(x, room.acting, i, e + a)
                 moved, way = maximum(moved, abs(hb * x - load(K, i * d + a))), maximum(way, abs(hb * x))
                 store(K, i * d + a, hb * x)
-            for a in range(d):
+            for a in range(e):
                 pull = full(0.0)
-                for b in range(d):
+                for b in range(e):
                     pull = pull + blocks[i, QQ, a, b] * load(dQ, b)
-                    pull = pull + blocks[i, QV, a, b] * (load(K, i * d + b) * (1.0 / hb))
-                new = hb * pull
-                change, size = maximum(change, abs(new - load(L, i * d + a))), maximum(size, abs(new))
-                store(L, i * d + a, new)
+                    if b < d:
+                        pull = pull + blocks[i, QV, a, b] * (load(K, i * d + b) * (1.0 / hb))
+                new = hb * with_source(pull, room.acting, i, a)
+                change, size = maximum(change, abs(new - load(L, i * e + a))), maximum(size, abs(new))
+                store(L, i * e + a, new)
         off = maximum(
             select(size > 0.0, change / size, full(0.0)), select(way > 0.0, moved / way, full(0.0))
         )
@@ -173,14 +245,18 @@ def advance(table, h, blocks, vectors, kicks, dQ, dW):
             settled = True
             break
         last = off
-    for a in range(d):
-        kick, drift = full(0.0), full(0.0)
+    for a in range(e):
+        kick = full(0.0)
         for i in range(s):
-            kick, drift = kick + load(L, i * d + a), drift + load(K, i * d + a)
-        x, x_lo = accumulate(load(q, a), load(q_lo, a), drift)
+            kick = kick + load(L, i * e + a)
         y, y_lo = accumulate(load(w, a), load(w_lo, a), kick)
-        store(q, a, x)
-        store(q_lo, a, x_lo)
         store(w, a, y)
         store(w_lo, a, y_lo)
+    for a in range(d):
+        drift = full(0.0)
+        for i in range(s):
+            drift = drift + load(K, i * d + a)
+        x, x_lo = accumulate(load(q, a), load(q_lo, a), drift)
+        store(q, a, x)
+        store(q_lo, a, x_lo)
     return settled

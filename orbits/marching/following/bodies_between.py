@@ -23,13 +23,13 @@ import numpy as np
 
 from orbits.integrators.canonical.end import momenta as momenta_of
 from orbits.integrators.canonical.room import padded_length, stages_in
-from orbits.integrators.collocation.given_bodies import given_in, place_between
+from orbits.integrators.collocation.given_bodies import place_between
 from orbits.integrators.forms import Array
 from orbits.kernels.binding import accelerate_close, bodies, first_term, kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.dense import dense, double_integrals, single_integrals
-from orbits.kernels.ephemeris.chebyshev import place_given
+from orbits.kernels.ephemeris.chebyshev import given_in, place_given
 from orbits.kernels.gravity.terms_and_forces import add_acting, add_terms
 from orbits.kernels.lanes import WIDTH, fma, full, load, store, unit
 from orbits.kernels.sums.summation import two_sum

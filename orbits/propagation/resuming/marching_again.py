@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -55,8 +56,8 @@ class Replay:
 
         return states_before(run, times)
 
-    def closest_approaches(self, run: Trajectory) -> Approaches:
-        """Return the closest approaches of bodies in a run.
+    def closest_approaches(self, run: Trajectory, covariance: Any = None, body: str | None = None) -> Approaches:
+        """Return the closest approaches of bodies in a run; covariance, body : as in `Trajectory.closest_approaches`.
 
         Raises InputError for a trajectory with samples only, and for a run that did not look for them.
         """
@@ -67,7 +68,11 @@ class Replay:
                 "orbits.propagate(..., approaches=True). Passages that its step did not resolve are in "
                 "run.unresolved()."
             )
-        return approaches_of(run, seen)
+        if covariance is None:
+            return approaches_of(run, seen)
+        from orbits.propagation.variations.deviations import Uncertain, sigmas_of_passages
+
+        return approaches_of(run, seen, partial(sigmas_of_passages, run, Uncertain.of(run.system, covariance, body)))
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
@@ -97,15 +102,14 @@ class Replay:
         require_followable(run.system, run.integrator, grid)
         return megno_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
 
-    def state_transition(self, run: Trajectory, *, coupled: bool) -> StateTransition:
+    def state_transition(self, run: Trajectory, *, coupled: bool, parameters: Sequence[str]) -> StateTransition:
         """Return the state-transition matrices at the samples of a run."""
-        from orbits.propagation.variations.following import require_followable
-        from orbits.propagation.variations.state_transition import state_transition_of
+        from orbits.propagation.variations.state_transition import asked_parameters, state_transition_of
 
         _refuse_legs(run, "the tangent vectors of run.state_transition() march")
-        grid = TimeGrid(run.clock, run.times)
-        require_followable(run.system, run.integrator, grid)
-        return state_transition_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"))
+        grid, coupled = TimeGrid(run.clock, run.times), checked_flag(coupled, "coupled")
+        asked = asked_parameters(run.system, run.integrator, grid, parameters, coupled)
+        return state_transition_of(run.system, run.integrator, grid, coupled=coupled, parameters=asked)
 
     def retired(self, run: Trajectory) -> RetiredParticles:
         """Return the retired particles of a run in an archive, as listed in its last checkpoint, and those lost between
@@ -193,11 +197,11 @@ def seen_by(run: Trajectory) -> Seen:
     return seen
 
 
-def approaches_of(run: Trajectory, seen: Seen) -> Approaches:
+def approaches_of(run: Trajectory, seen: Seen, sigmas: Any = None) -> Approaches:
     """Return the closest approaches of a run, refined by marching it again when they are asked for."""
     from orbits.propagation.checks.unresolved_passages import error_at_end
     from orbits.propagation.results.refinement import refine
     from orbits.results.approaches import Approaches
 
     refining, judging = partial(refine, run, seen), partial(error_at_end, run, seen)
-    return Approaches(run.system, run.clock, seen, refine=refining, error_at_end=judging)
+    return Approaches(run.system, run.clock, seen, refine=refining, error_at_end=judging, sigmas=sigmas)

@@ -21,8 +21,10 @@ from orbits.marching.tangents.in_maps import MapTangents, require_map_tangents
 from orbits.marching.tangents.of_bodies import Tangents, require_tangents
 from orbits.propagation.events.particles import stretches, with_light
 from orbits.propagation.marchers import bound
+from orbits.propagation.variations.slopes import slopes_of
 from orbits.system import System
 from orbits.system.model import model
+from orbits.system.parameters import Parameter
 from orbits.time_grid import TimeGrid
 
 Array = NDArray[np.float64]
@@ -40,11 +42,20 @@ class Varied(NamedTuple):
     numbers: NDArray[np.intp]
 
 
-def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -> None:
-    """Raise InputError, with the reason, if the variations of a run are not known."""
+def require_followable(
+    system: System, integrator: Integrator, grid: TimeGrid, parameters: Sequence[Parameter] = ()
+) -> None:
+    """Raise InputError, with the reason, if the variations of a run, or those by parameters, are not known."""
+    if system.rigid:
+        raise InputError("the variations of rigid bodies are not known; leave them out: system.replaced(forces=()).")
     acting = model(system)
     grid.clock.check(integrator)
     if integrator.follows_kepler:
+        if acting.forces or parameters:
+            what = f"of {type(system.forces[0]).__name__}" if acting.forces else "by parameters"
+            raise InputError(
+                f"the variations {what} are not known in the map of {integrator.label}; use Gauss(stages=8)."
+            )
         require_map_tangents(integrator, acting.lagrangian)
         if integrator.in_encounters.follow_particles and not system.massive.all():
             raise InputError(
@@ -52,13 +63,8 @@ def require_followable(system: System, integrator: Integrator, grid: TimeGrid) -
                 'encounters="warn", or Gauss(stages=8) without dt.'
             )
     else:
-        require_tangents(integrator, acting.lagrangian)
-    form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False)
-    if acting.forces:
-        raise InputError(
-            f"the variations of {type(system.forces[0]).__name__}, a force without a Lagrangian, are not known; leave "
-            "it out: system.replaced(forces=())."
-        )
+        require_tangents(integrator, acting.lagrangian, by_force=bool(acting.forces or parameters))
+    form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False, forces=acting.forces)
     if isinstance(grid.clock, TimeTransformed):
         raise InputError(
             f"variations need steps of time, not {grid.clock.describe(integrator)}: leave dt out for steps that are "
@@ -114,9 +120,11 @@ def tangents_of(
     scale: float | None = None,
     *,
     clock: Clock | None = None,
+    parameters: Sequence[Parameter] = (),
 ) -> Tangents | MapTangents:
     """Return tangent vectors (count, 2, varied, 3) of what is followed; scale as in `Tangents`.
 
+    parameters : each has a vector after the others, of derivatives by it
     clock : of constant steps, for a map on Kepler orbits, which is marched with them
     """
     acting = model(followed.system)
@@ -125,7 +133,8 @@ def tangents_of(
     if integrator.follows_kepler:
         assert clock is not None
         return MapTangents(acting.lagrangian, acting.vectors, integrator, clock.h, *which)
-    return Tangents(acting.lagrangian, acting.vectors, integrator, *which)
+    slopes = slopes_of(followed.system, parameters) if parameters else None
+    return Tangents(acting.lagrangian, acting.vectors, integrator, *which, forces=acting.forces, slopes=slopes)
 
 
 def at_samples(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal, Unpack
 
 import numpy as np
@@ -28,6 +29,7 @@ from orbits.propagation.variations.following import (
 from orbits.results.state_transition import StateTransition
 from orbits.system import System
 from orbits.system.model import given_bodies
+from orbits.system.parameters import Parameter, parameters_of
 from orbits.time_grid import TimeGrid
 
 Array = NDArray[np.float64]
@@ -42,6 +44,7 @@ def state_transition(
     until: Any = None,
     samples: Any = None,
     coupled: bool = True,
+    parameters: Sequence[str] = (),
     check_step: bool | Literal["refuse"] = True,
     threads: int | None = None,
     **others: Unpack[NoOthers],
@@ -52,16 +55,23 @@ def state_transition(
         stm["Mercury", "Venus"]  # 6 x 6: Mercury at the end by Venus at the start
         covariance = stm.matrix @ covariance @ stm.matrix.T
 
+        stm = orbits.state_transition(system, duration=1 * u.yr, parameters=["Apophis.A2", "Ceres.gm"])
+        stm["Apophis", "Apophis.A2"]  # (6,): Apophis at the end by its A2
+
     system, integrator, dt, duration, until, check_step : as in `orbits.propagate`
     samples : None for the end alone; or a number of samples or their times, as in `orbits.propagate`, for a matrix at
         each
     coupled : whether the derivatives of massless particles by the start of the massive bodies are computed too; without
         them, which is much faster, these blocks are NaN
+    parameters : names of numbers by which the derivatives are computed too, at the same start: GM of massive bodies,
+        "Ceres.gm"; the numbers of forces and terms, "Apophis.A2", "Earth.J2", "Earth.k2"; per the units of the system.
+        Without `coupled` those of forces on massless particles alone
     threads : number of threads for massless particles; None for all processors. No bit of the result depends on it
 
     It is the derivative of what the method computes: of its steps, for as many as are taken, at fixed lengths. That of
     a symplectic method is symplectic to round-off. The orbit is that of `orbits.propagate` to the last bit for massive
-    bodies, and to round-off for massless particles. For all methods, and for all terms that give second derivatives.
+    bodies, and to round-off for massless particles. For all methods, and for all terms that give second derivatives;
+    for forces without a Lagrangian, and for parameters, with symplectic Runge-Kutta methods such as Gauss.
     Nothing is stored: an interrupted computation is lost.
 
     Raises InputError for invalid arguments, for a method, a term or a force whose derivative is not known, and for a
@@ -77,9 +87,29 @@ def state_transition(
     grid = TimeGrid.of(system, dt, duration=duration, until=until, samples=2 if samples is None else samples)
     if samples is None:
         grid = TimeGrid(grid.clock, grid.times[-1:])
-    require_followable(system, integrator, grid)
+    asked = asked_parameters(system, integrator, grid, parameters, with_bodies)
     warn_or_refuse(found_ahead(system, integrator, grid), check_step)
-    return state_transition_of(system, integrator, grid, coupled=with_bodies, threads=threads, at_end=samples is None)
+    options: Any = {"coupled": with_bodies, "threads": threads, "at_end": samples is None}
+    return state_transition_of(system, integrator, grid, parameters=asked, **options)
+
+
+def asked_parameters(
+    system: System, integrator: Integrator, grid: TimeGrid, names: Sequence[str], coupled: bool
+) -> tuple[Parameter, ...]:
+    """Return the parameters of these names. Raises InputError, with the reason, if the derivatives of a run, or those
+    by one of them, are not known.
+    """
+    found = parameters_of(system, names)
+    require_followable(system, integrator, grid, found)
+    if coupled or given_bodies(system):
+        return found
+    massless = {name for name, massive in zip(system.names, system.massive, strict=True) if not massive}
+    for one in found:
+        if massless and not (one.of == "forces" and one.body in massless):
+            raise InputError(
+                f"massive bodies depend on {one.name}, and so do massless ones by them; expected coupled=True."
+            )
+    return found
 
 
 def state_transition_of(
@@ -88,16 +118,23 @@ def state_transition_of(
     grid: TimeGrid,
     *,
     coupled: bool,
+    parameters: Sequence[Parameter] = (),
     threads: int | None = None,
     at_end: bool = False,
 ) -> StateTransition:
     """As `state_transition`, on an existing grid of steps and samples; at_end : without an axis of samples."""
-    matrix, momenta = matrices(system, integrator, grid, coupled, threads)
+    matrix, beside, momenta = matrices(system, integrator, grid, coupled, threads, parameters)
     times = np.array(grid.times)
     if at_end:
-        times, matrix = times[0], matrix[0]
+        times, matrix, beside = times[0], matrix[0], beside[0]
     return StateTransition(
-        system, np.asarray(times), matrix, momenta, made_by=made_by(system, integrator, grid)
+        system,
+        np.asarray(times),
+        matrix,
+        momenta,
+        made_by=made_by(system, integrator, grid),
+        parameters=tuple(one.name for one in parameters),
+        by_parameters=beside,
     )
 
 
@@ -109,10 +146,15 @@ def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
 
 
 def matrices(
-    system: System, integrator: Integrator, grid: TimeGrid, coupled: bool, threads: int | None
-) -> tuple[Array, Array]:
-    """Return the matrix at each sample, (n, 6 N, 6 N), and the derivatives of (q, p) by (q, v) of the massive bodies at
-    the start and at each sample; see `Tangents.to_momenta`.
+    system: System,
+    integrator: Integrator,
+    grid: TimeGrid,
+    coupled: bool,
+    threads: int | None,
+    parameters: Sequence[Parameter] = (),
+) -> tuple[Array, Array, Array]:
+    """Return the matrix at each sample, (n, 6 N, 6 N), the derivatives by parameters, (n, 6 N, P), and those of (q, p)
+    by (q, v) of the massive bodies at the start and at each sample; see `Tangents.to_momenta`.
     """
     N = len(system.names)
     needed = 8 * len(grid) * (6 * N) ** 2
@@ -121,7 +163,7 @@ def matrices(
             f"state-transition matrices of {N:,} bodies at {len(grid):,} samples need {needed / 2**30:.1f} GiB of "
             "memory, more than this machine has; expected fewer samples, or fewer massless particles at a time."
         )
-    out = np.zeros((len(grid), N, 6, N, 6))
+    out, beside = np.zeros((len(grid), N, 6, N, 6)), np.zeros((len(grid), N, 6, len(parameters)))
     given = given_bodies(system)
     if len(given) < int(system.massive.sum()) and given:
         raise InputError(
@@ -129,16 +171,16 @@ def matrices(
             "set their GM to 0."
         )
     # What is read from an ephemeris depends on no start: its blocks are 0.
-    momenta = np.zeros((0, 0)) if given else _fill(massive_of(system), integrator, grid, out)
+    momenta = np.zeros((0, 0)) if given else _fill(massive_of(system), integrator, grid, parameters, out, beside)
     coupled = coupled and not given
     particles = np.flatnonzero(~system.massive).tolist()
     for p in particles:
         out[:, p] = np.nan
         out[:, p, :, ~system.massive if not given else slice(None)] = 0.0
-        out[:, p, :, p] = np.nan
+        out[:, p, :, p] = beside[:, p] = np.nan
 
     def fill(p: int) -> None:
-        _fill(particle_of(system, p, coupled=coupled), integrator, grid, out, p)
+        _fill(particle_of(system, p, coupled=coupled), integrator, grid, parameters, out, beside, p)
 
     for p, failure in zip(particles, each_in_threads(fill, particles, threads), strict=True):
         if failure is not None:
@@ -150,7 +192,7 @@ def matrices(
             ).warn()
     if integrator.in_encounters.retire_particles and particles:
         _forget_retired(system, integrator, grid, out)
-    return out.reshape(len(grid), 6 * N, 6 * N), momenta
+    return out.reshape(len(grid), 6 * N, 6 * N), beside.reshape(len(grid), 6 * N, -1), momenta
 
 
 def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out: Array) -> None:
@@ -174,19 +216,31 @@ def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out:
         ).warn()
 
 
-def _fill(followed: Varied, integrator: Integrator, grid: TimeGrid, out: Array, particle: int | None = None) -> Array:
-    """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6); return what
-    `Tangents.to_momenta` has at the start and at each sample.
+def _fill(
+    followed: Varied,
+    integrator: Integrator,
+    grid: TimeGrid,
+    parameters: Sequence[Parameter],
+    out: Array,
+    beside: Array,
+    particle: int | None = None,
+) -> Array:
+    """Write the rows of what is followed, or of one particle in it, into `out`, (n, N, 6, N, 6), and `beside`,
+    (n, N, 6, P); return what `Tangents.to_momenta` has at the start and at each sample.
     """
     numbers, count = followed.numbers, len(followed.varied)
     vectors = np.eye(6 * count).reshape(6 * count, count, 2, 3).swapaxes(1, 2)
-    tangents = tangents_of(followed, integrator, vectors, clock=grid.clock)
+    there = [k for k, one in enumerate(parameters) if one.body in followed.system]
+    own = [parameters[k] for k in there]
+    tangents = tangents_of(followed, integrator, vectors, clock=grid.clock, parameters=own)
     momenta = [tangents.to_momenta()]
     for k, (now, _) in enumerate(at_samples(followed, integrator, grid, tangents, exactly=True)):
         # (columns, 2, bodies, 3) to (bodies, 6, columns)
-        rows = now.vectors().transpose(2, 1, 3, 0).reshape(count, 6, count, 6)
+        rows = now.vectors().transpose(2, 1, 3, 0).reshape(count, 6, -1)
         for i, body in enumerate(numbers.tolist()):
             if particle is None or body == particle:
-                out[k, body][:, numbers] = rows[i]
+                out[k, body][:, numbers] = rows[i, :, : 6 * count].reshape(6, count, 6)
+                beside[k, body] = 0.0
+                beside[k, body][:, there] = rows[i, :, 6 * count :]
         momenta.append(now.to_momenta())
     return np.array(momenta)

@@ -1,0 +1,275 @@
+"""The fit of a planetary system to times of transits and radial velocities.
+
+The model is that of the system: Newton's attraction of all bodies and its terms, without light time. Its derivatives
+are differences, in steps that change the residuals by a hundredth of their sigmas. Steps are those of Gauss and Newton,
+shortened after Levenberg and Marquardt while they do not help.
+Source: Marquardt (1963), J. SIAM 11, 431.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from typing import Any, TypedDict, Unpack
+
+import numpy as np
+from astropy import units as u
+from numpy.typing import NDArray
+
+from orbits.body_names import index_of
+from orbits.elsewhere import NoOthers, unknown_argument
+from orbits.errors import ConvergenceError, InputError, IntegrationError, SystemsError, UnknownNameError, shown
+from orbits.fitting.correction import SINGULAR, covariance
+from orbits.fitting.uncertainty import Covariance
+from orbits.observing.measured import RadialVelocities, TransitTimes
+from orbits.propagation.planetary import ELEMENTS, Model, elements_of
+from orbits.results.planet_fit import PlanetFit
+from orbits.system import System
+from orbits.time_grid import times_since
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+USUAL = ELEMENTS[:5]
+
+OfPlanets = TransitTimes | RadialVelocities | Sequence[TransitTimes | RadialVelocities]
+"""What is measured of a star and its planets."""
+
+GUESS = 3e-5
+"""The mass ratio from which a fit begins that is given the star alone: ten masses of the Earth to that of the Sun."""
+
+LEAST_MASS = 1e-12
+"""The least mass ratio: a planet of which the measurements tell nothing does not converge."""
+
+RELATIVE = np.array([True, True, True, False, False, False, False])
+FIRST_STEPS = (1e-2, 1e-7, 1e-6, 1e-5, 1e-5, 1e-4, 1e-4)
+"""The first steps of differences: of the mass ratio relative to it, of P and t0 relative to P, of others as such."""
+
+STEP = 0.01
+"""By how much later ones change the residuals, in sigmas: derivatives are then within a per cent, a tenth as a rule."""
+
+CONVERGED = 1e-2
+"""A step of so many of its own sigmas, in each parameter, is the last one."""
+
+MOST_STEPS = 100
+MOST_DAMPING = 1e10
+
+
+@dataclass
+class Problem:
+    """What is fitted: some elements of the planets, and a zero of each instrument.
+
+    start : elements, (planets, 7); free : which of them are fitted; measured, sigma : (m,); zeros : (m, instruments), 1
+    where an instrument measured; steps : of the differences, (parameters,), those of the last derivatives
+    """
+
+    model: Model
+    start: Array
+    free: NDArray[np.bool_]
+    measured: Array
+    sigma: Array
+    zeros: Array
+    steps: Array
+
+    @property
+    def count(self) -> int:
+        """The number of elements that are fitted."""
+        return int(self.free.sum())
+
+    def elements(self, x: Array) -> Array:
+        """Return the elements of all planets for parameters."""
+        out = self.start.copy()
+        out[self.free] = x[: self.count]
+        return out
+
+    def residuals(self, x: Array) -> Array:
+        """Return measured less computed, in sigmas; infinite where there is no such motion."""
+        now, nothing = self.elements(x), np.full(len(self.sigma), np.inf)
+        if (np.hypot(now[:, 3], now[:, 4]) >= 1.0).any() or (now[:, 0] < LEAST_MASS).any():
+            return nothing
+        try:
+            off = (self.measured - self.model.computed([now])[0] - self.zeros @ x[self.count :]) / self.sigma
+        except (IntegrationError, SystemsError):
+            return nothing
+        return off if np.isfinite(off).all() else nothing
+
+    def derivatives(self, x: Array) -> Array:
+        """Return the derivatives of the residuals, (m, parameters); their error is about a thousandth."""
+        shifts = np.zeros((self.count + 1, len(x)))
+        shifts[1:, : self.count] = np.diag(self.steps)
+        here, *moved = self.model.computed([self.elements(x + shift) for shift in shifts])
+        by_elements = (here - np.array(moved)).T / self.steps / self.sigma[:, None]
+        size = np.linalg.norm(by_elements, axis=0)
+        self.steps = np.where(size > 0.0, STEP / np.where(size > 0.0, size, 1.0), self.steps)
+        return np.concatenate([by_elements, -self.zeros / self.sigma[:, None]], axis=1)
+
+    def solved(self) -> tuple[Array, Array, Array]:
+        """Return the parameters, the residuals in sigmas, and their derivatives. Raises ConvergenceError."""
+        first = self.measured - self.model.computed([self.start])[0]
+        x = np.append(self.start[self.free], np.linalg.lstsq(self.zeros, first, rcond=None)[0])
+        off, damping, slopes = self.residuals(x), 1e-3, self.derivatives(x)
+        for _ in range(MOST_STEPS):
+            scale = np.linalg.norm(slopes, axis=0)
+            left, sizes, right = np.linalg.svd(slopes / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
+            if not sizes[-1] > SINGULAR * sizes[0]:
+                raise ConvergenceError("the measurements do not determine all parameters; fit fewer: elements=[...].")
+            parts = left.T @ off  # what an undamped step would take off
+            step = right.T @ (sizes / (sizes**2 + damping) * parts) / scale
+            found = self.residuals(x - step)
+            gain, promised = off @ off - found @ found, off @ off - np.square(off - slopes @ step).sum()
+            last = np.linalg.norm(parts) < CONVERGED * np.sqrt(len(x))
+            if last or gain > 0.0:
+                if gain > 0.0:
+                    x, off, slopes = x - step, found, slopes if last else self.derivatives(x - step)
+                if last:
+                    return x, off, slopes
+                damping *= 0.1 if gain > 0.5 * promised else 1.0
+            elif damping > MOST_DAMPING:
+                break
+            else:
+                damping *= 10.0
+        raise ConvergenceError("the fit of the planets does not converge; begin nearer to it, or fit fewer parameters.")
+
+
+class PlanetOptions(TypedDict, total=False):
+    """The options of `fit_planets`."""
+
+    elements: Sequence[str]
+    jitter: Any
+    interacting: bool
+
+
+def of_planets(observations: Any) -> bool:
+    """Return whether these are measurements of a star and its planets."""
+    several = observations if isinstance(observations, list | tuple) else [observations]
+    return len(several) > 0 and all(isinstance(one, TransitTimes | RadialVelocities) for one in several)
+
+
+def fit_planets(
+    observations: OfPlanets,
+    system: Any,
+    *,
+    elements: Sequence[str] = USUAL,
+    jitter: Any = None,
+    interacting: bool = True,
+    **others: Unpack[NoOthers],
+) -> PlanetFit:
+    """Return the planetary system that fits the times of transits and radial velocities; what `orbits.fit` calls.
+
+    observations : `orbits.TransitTimes`, `orbits.RadialVelocities`, or a list of these
+    system : the star, which is the first body, and its planets about where they are, at the epoch of the elements that
+        are fitted: seen along z, as given with frame="sky"; or for transits the star alone, from which a fit begins
+        with circular orbits that have their periods. Its mass is that of the star, which is not fitted
+    elements : which are fitted of each planet: of "mass_ratio" (to the star), "P", "t0" (the transit nearest to the
+        epoch, on the orbit at the epoch), "ecosw", "esinw" (e cos and e sin omega), the default, "inc" and "Omega"; of
+        one planet "b.inc". Others stay as in the system. Each instrument has an offset besides
+    jitter : what is added in quadrature to the sigmas of radial velocities, a speed, or one by instrument
+    interacting : False lets each planet move alone with the star, on Kepler's orbit, and adds what they do to it
+
+    Raises InputError for other systems, and if the planets do not pass near the times of transits; UnknownNameError for
+    an unknown planet, element or instrument; ConvergenceError if the fit does not converge, or if the measurements do
+    not determine its parameters.
+    """
+    for name in others:
+        raise unknown_argument(fit_planets, name)
+    several: Any = observations if isinstance(observations, list | tuple) else [observations]
+    transits: TransitTimes | None = _together(one for one in several if isinstance(one, TransitTimes))
+    velocities: RadialVelocities | None = _together(one for one in several if isinstance(one, RadialVelocities))
+    system = _checked(_with_planets(system, transits))
+    planets = system.names[1:]
+    free = _free(elements, planets)
+    none = np.zeros(0)
+    since = none if transits is None else times_since(system, transits.time, "times")
+    at = none if velocities is None else times_since(system, velocities.time, "times")
+    names = () if transits is None else transits.planet
+    planet = np.array([index_of(name, planets, "planet") + 1 for name in names], dtype=np.int64)
+    numbers = np.arange(1, len(planets) + 1)
+    model = Model(system, since, planet, at, (numbers,) if interacting else tuple(numbers[:, None]))
+
+    sigma = none if transits is None else system.units.time_value(transits.sigma)
+    measured, instruments = since, np.zeros(0, dtype=str)
+    zeros = np.zeros((len(since), 0))
+    if velocities is not None:
+        instruments = np.array(velocities.instruments)
+        measured = np.concatenate([since, velocities.velocity.value])
+        sigma = np.concatenate([sigma, np.hypot(velocities.sigma.value, _jitter(velocities, jitter))])
+        own = (velocities.instrument[:, None] == instruments).astype(np.float64)
+        zeros = np.concatenate([np.zeros((len(since), len(instruments))), own])
+    count = int(free.sum()) + len(instruments)
+    if len(sigma) < count:
+        raise InputError(f"{len(sigma)} measurements do not determine {count} parameters.")
+    start = elements_of(system)
+    steps = (np.array(FIRST_STEPS) * np.where(RELATIVE, start[:, [0, 1, 1, 3, 4, 5, 6]], 1.0))[free]
+    problem = Problem(model, start, free, measured, sigma, zeros, steps)
+    if np.isnan(model.computed([start])).any():
+        raise InputError(
+            "the planets of the start do not pass in front of the star near all times of transits; expected periods "
+            "and transits as orbits.TransitTimes.linear has them, with inc=90 * u.deg, frame='sky', or the star alone."
+        )
+    x, off, white = problem.solved()
+    labels = [f"{planets[i]}.{ELEMENTS[k]}" for i, k in np.argwhere(free)]
+    labels += [f"{name}.offset" for name in instruments]
+    of = {"P": system.units.time, "t0": system.units.time, "inc": u.rad, "Omega": u.rad, "offset": u.m / u.s}
+    units = tuple(of.get(label.rsplit(".", 1)[1], u.one) for label in labels)
+    best = Covariance("planetary", tuple(labels), units, x, covariance(white))
+    offsets = zeros @ x[int(free.sum()) :]
+    return PlanetFit(model.made(problem.elements(x)), transits, velocities, best, off * sigma, sigma, offsets, model)
+
+
+def _together(measured: Iterable[Any]) -> Any:
+    """Return several sets of measurements as one, None without any."""
+    sets = list(measured)
+    return reduce(add, sets) if sets else None
+
+
+def _with_planets(system: Any, transits: TransitTimes | None) -> Any:
+    """Return the system of a star alone with planets on circular orbits through the transits."""
+    if transits is None or not isinstance(system, System) or len(system) != 1 or system.epoch is None:
+        return system
+    for name in sorted(transits.planets, key=lambda name: transits.linear(name).period):
+        t0, P = transits.linear(name)
+        M = (0.25 - (t0 - system.epoch.jd) / P) % 1.0 * 360.0 * u.deg  # from the node
+        orbit = {"P": P * u.day, "inc": 90.0 * u.deg, "M": M}
+        system = system.add(name, gm=GUESS * system.gm[0], primary="jacobi", frame="sky", **orbit)
+    return system
+
+
+def _checked(system: Any) -> System:
+    """Return a system of a star and its planets. Raises InputError for anything else."""
+    if not isinstance(system, System) or len(system) < 2 or system.epoch is None or not system.units.is_physical:
+        raise InputError(
+            f"system is {shown(system)}; expected the star and its planets about where they are: "
+            'orbits.System.from_elements({...}, epoch=..., frame="sky").'
+        )
+    gm = system.values.gm
+    if gm[0] != gm.max() or not (gm > 0.0).all():
+        raise InputError("the star is to be the first body of the system, and all planets need a mass, if a guess.")
+    return system
+
+
+def _free(elements: Sequence[str], planets: Sequence[str]) -> NDArray[np.bool_]:
+    """Return which elements are fitted, (planets, 7). Raises UnknownNameError."""
+    free = np.zeros((len(planets), len(ELEMENTS)), dtype=bool)
+    for given in [elements] if isinstance(elements, str) else elements:
+        *planet, element = str(given).rsplit(".", 1)
+        if element not in ELEMENTS or (planet and planet[0] not in planets):
+            raise UnknownNameError(
+                f"there is no element {shown(given)}; expected {', '.join(ELEMENTS)}, or with the name of a planet, "
+                f"{planets[0]}.inc."
+            )
+        free[[planets.index(planet[0])] if planet else slice(None), ELEMENTS.index(element)] = True
+    return free
+
+
+def _jitter(velocities: RadialVelocities, jitter: Any) -> Array:
+    """Return the jitter of each velocity, m/s. Raises InputError and UnknownNameError."""
+    of = jitter if isinstance(jitter, Mapping) else dict.fromkeys(velocities.instruments, jitter)
+    for name in of:
+        index_of(name, velocities.instruments, "instrument")
+    speed = [0.0 if of.get(name) is None else of[name] for name in velocities.instrument]
+    try:
+        return np.array([float(u.Quantity(x, u.m / u.s).value) for x in speed])
+    except (u.UnitConversionError, TypeError, ValueError):
+        raise InputError(f"jitter is {shown(jitter)}; expected a speed, such as 3 * u.m / u.s, or a dict.") from None

@@ -1,0 +1,123 @@
+"""How an uncertain orbit spreads along a run: a covariance at its start, and the derivatives of later states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from orbits.body_names import few, index_of
+from orbits.checks import finite_numbers
+from orbits.errors import InputError, shown
+from orbits.propagation.variations.following import require_followable
+from orbits.propagation.variations.state_transition import state_transition_of
+from orbits.system.parameters import parameters_of
+from orbits.time_grid import TimeGrid
+
+if TYPE_CHECKING:
+    from orbits.results.passages import Passage
+    from orbits.system import System
+    from orbits.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+class Uncertain(NamedTuple):
+    """A body whose orbit is uncertain.
+
+    body : its name; matrix : (6 + p, 6 + p), the covariance of its state at the start, in the units and axes of the
+        system, and of p parameters; parameters : their names
+    """
+
+    body: str
+    matrix: Array
+    parameters: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, system: System, covariance: Any, body: str | None = None) -> Uncertain:
+        """Return what a caller gives: a fit, its `covariance()`, or a matrix.
+
+        body : its name; by default that of the fit, or the only massless one
+        Raises InputError for what is no covariance of a state, and for a fit whose orbit is not the start of the run.
+        """
+        if hasattr(covariance, "system"):
+            body = covariance.name if body is None else body
+            own = [x[covariance.system.names.index(covariance.name)] for x in covariance.system.values[1:3]]
+            here = [x[index_of(covariance.name, system.names, "body")] for x in system.values[1:3]]
+            if covariance.system.epoch != system.epoch or not np.array_equal(own, here):
+                raise InputError(
+                    f"the run does not begin with the orbit of {covariance.name} that was fitted; expected a run of "
+                    "fit.system, or a covariance at the start of this one."
+                )
+            covariance = covariance.covariance()
+        if getattr(covariance, "form", "cartesian") != "cartesian":
+            raise InputError(f"the covariance is {covariance.form}; expected one of the state: fit.covariance().")
+        parameters = tuple(getattr(covariance, "names", ())[6:])
+        matrix, size = finite_numbers(getattr(covariance, "matrix", covariance), "covariance"), 6 + len(parameters)
+        if matrix.shape != (size, size) or (np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix).max()).any():
+            raise InputError(
+                f"covariance is {shown(covariance)}; expected a fit, its covariance(), or a symmetric (6, 6) matrix of "
+                "x, y, z, vx, vy, vz in the units and axes of the system."
+            )
+        return cls(the_body(system, body), matrix, parameters)
+
+
+def the_body(system: System, body: str | None) -> str:
+    """Return the name of a body; None for the only massless one."""
+    if body is not None:
+        return system.names[index_of(body, system.names, "body")]
+    massless = [name for name, massive in zip(system.names, system.massive, strict=True) if not massive]
+    if len(massless) != 1:
+        raise InputError(f"the run has {few(massless) if massless else 'no massless body'}; expected body=..., a name.")
+    return massless[0]
+
+
+def spread(run: Trajectory, given: Uncertain, times: Array, others: Sequence[str] | None = None) -> Array:
+    """Return the covariance of a body's states, (m, 6, 6).
+
+    times : (m,), in the direction of the run; others : (m,), the bodies that the states are relative to
+    Raises InputError as `orbits.state_transition` does.
+    """
+    system, body = run.system, given.body
+    rest = [x for x, massive in zip(system.names, system.massive, strict=True) if not (massive or x == body)]
+    alone = system.remove(*rest) if rest else system
+    ahead, place = np.unique(np.abs(times), return_inverse=True)
+    grid = TimeGrid(run.clock, ahead * run.clock.direction)
+    require_followable(alone, run.integrator, grid)
+    by: dict[str, Any] = {"parameters": parameters_of(alone, given.parameters)} if given.parameters else {}
+    found = state_transition_of(alone, run.integrator, grid, coupled=False, **by)
+
+    def columns(name: str) -> Array:
+        own = [found[name, one][..., None] for one in given.parameters]
+        return np.concatenate([found[name, body], *own], axis=-1)
+
+    D = columns(body)[place]
+    if others is not None:
+        D = D - np.array([columns(other)[k] for other, k in zip(others, place.tolist(), strict=True)])
+    return np.asarray(D @ given.matrix @ np.swapaxes(D, -1, -2))
+
+
+def sigmas_of_passages(
+    run: Trajectory, given: Uncertain, passages: Sequence[Passage]
+) -> list[tuple[float, float] | None]:
+    """Return the standard deviations of distance and time of passages, None for those of other bodies."""
+    place, gm = run.names.index(given.body), run.system.values.gm
+    own = [k for k, one in enumerate(passages) if place in (one.body, one.other) and one.distance > 0.0]
+    out: list[tuple[float, float] | None] = [None] * len(passages)
+    if not own:
+        return out
+    times = np.array([run.clock.time(passages[k].steps) for k in own])
+    others = [one.other if one.body == place else one.body for one in (passages[k] for k in own)]
+    matrices = spread(run, given, times, [run.names[other] for other in others])
+    states = run.at(times)
+    q, v = states.q.value, states.v.value
+    for i, (k, other) in enumerate(zip(own, others, strict=True)):
+        r, w = q[i, place] - q[i, other], v[i, place] - v[i, other]
+        distance = float(np.linalg.norm(r))
+        by_time = -np.concatenate([w, r]) / (w @ w - (gm[place] + gm[other]) / distance)
+        by = np.array([np.concatenate([r / distance, np.zeros(3)]), by_time])
+        variances = np.diag(by @ matrices[i] @ by.T)
+        out[k] = (float(np.sqrt(variances[0])), float(np.sqrt(variances[1])))
+    return out

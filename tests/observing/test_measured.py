@@ -1,0 +1,69 @@
+"""Files of times of transits and of radial velocities are read, and each line that is not understood is named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from astropy import units as u
+from astropy.time import Time
+
+import orbits
+from orbits.errors import InputError, UnknownNameError
+from orbits.resources import data_path
+
+
+def written(tmp_path, text):
+    path = tmp_path / "star.txt"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_transits_of_trappist_1_are_all_read():
+    times = orbits.TransitTimes.read(data_path("trappist1_transits.csv"), zero=2450000)
+    assert (len(times), times.planets) == (447, tuple("bcdefgh"))
+    first = times["b"]
+    assert (first.time.jd[0], first.number[0], first.sigma[0]) == (2457322.51531, 0, 71e-5 * u.day)
+    # Published (Agol et al. 2021, table 4), but for the variations of minutes over four years.
+    assert times.linear("b").period == pytest.approx(1.510826, abs=1e-4)
+
+
+def test_columns_go_by_name_and_numbers_are_counted(tmp_path):
+    text = "# a comment\nx time sigma\n10.5, 0.1, 1\n\n11.5 0.1 1 # the next\n13.5 0.2 0\n14.5 0.1 1"
+    times = orbits.TransitTimes.read(written(tmp_path, text), ("time", "sigma", "-"), planet="c", zero=2450000)
+    assert times.number.tolist() == [0, 1, 3, 4]
+    assert times.time.jd.tolist() == [2450010.5, 2450011.5, 2450013.5, 2450014.5]
+
+
+def test_velocities_have_an_instrument_each(tmp_path):
+    path = written(tmp_path, "time,velocity,sigma,tel\n1,-0.01,0.002,HIRES\n2,0.02,0.003,APF\n")
+    columns = ("time", "velocity", "sigma", "instrument")
+    both = orbits.RadialVelocities.read(path, columns, unit=u.km / u.s, zero=2451544)
+    assert both.instruments == ("HIRES", "APF")
+    np.testing.assert_allclose(both.velocity.to_value(u.m / u.s), [-10.0, 20.0])
+    assert len(both["APF"] + both["HIRES"]) == 2
+    assert str(both) == "RadialVelocities(2 measurements of HIRES, APF, 2000-01-01 to 2000-01-02)"
+
+
+def test_each_line_that_is_not_understood_is_named(tmp_path):
+    path = written(tmp_path, "b 0 10.5 0.1\nb 1 12.5\nb 2 twelve 0.1\n")
+    with pytest.raises(InputError, match=r"line 2: 3 columns; line 3: 'twelve' is no number; expected 4 columns"):
+        orbits.TransitTimes.read(path)
+    with pytest.raises(InputError, match=r"no lines; expected 3 columns: time, velocity, sigma"):
+        orbits.RadialVelocities.read(written(tmp_path, "# nothing\n"))
+    with pytest.raises(InputError, match=r"cannot be read"):
+        orbits.RadialVelocities.read(tmp_path / "missing.txt")
+    with pytest.raises(InputError, match=r"columns is .*; expected time, velocity, sigma"):
+        orbits.RadialVelocities.read(path, ("time", "speed"))
+    with pytest.raises(UnknownNameError, match=r"has planets b, which `names` lacks"):
+        orbits.TransitTimes.read(written(tmp_path, "b 0 1.5 0.1\n"), names={"1": "b"})
+
+
+def test_what_is_no_measurement_is_refused():
+    with pytest.raises(InputError, match=r"measurement 1 is not finite, or has no sigma above zero"):
+        orbits.TransitTimes("b", [1.0, 2.0], [0.1, 0.0])
+    with pytest.raises(InputError, match=r"velocity is .*; expected 2 figures in m / s"):
+        orbits.RadialVelocities("x", Time(["2020-01-01", "2020-01-02"]), [1, 2, 3], 1.0)
+    with pytest.raises(InputError, match=r"the numbers of the transits of 'b' do not increase"):
+        orbits.TransitTimes("b", [1.0, 2.0], 0.1, [1, 0])
+    with pytest.raises(UnknownNameError, match=r"there is no planet 'c'; expected one of b"):
+        orbits.TransitTimes("b", [1.0, 2.0], 0.1)["c"]
