@@ -46,10 +46,7 @@ def experiment(say):
     found = fits(say)
     say("through the encounter of 2029")
     runs = {name: orbits.propagate(one.system, until=END, samples=2, progress=False) for name, one in found.items()}
-    planes = {
-        WITHOUT: orbits.target_plane(runs[WITHOUT], "Earth", covariance=found[WITHOUT]),
-        WITH: orbits.target_plane(runs[WITH], "Earth"),
-    }
+    planes = {name: orbits.target_plane(run, "Earth", covariance=found[name]) for name, run in runs.items()}
     radar = {name: one.observations.kind != "optical" for name, one in found.items()}
     rows = [
         [name, int((~one.used).sum()), *(float(x.value) for x in one.rms), one.normalized_rms,

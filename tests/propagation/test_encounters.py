@@ -16,6 +16,7 @@ from astropy.time import Time
 import orbits
 from orbits.errors import InputError
 from orbits.fitting.result import Fit
+from orbits.fitting.uncertainty import FORMS, Covariance
 from orbits.resources import data_path
 
 DATA = Path(__file__).parents[1] / "fitting" / "data"
@@ -59,6 +60,11 @@ def displaced(system: orbits.System, covariance: np.ndarray, until: str, answer)
     return D @ D.T
 
 
+def sunlight(A2: float) -> orbits.terms.NonGravitational:
+    unit = u.au / u.day**2
+    return orbits.terms.NonGravitational.yarkovsky(A2 * unit, A1=5e-13 * unit, bodies=["Apophis"])
+
+
 def close(found: np.ndarray, known: np.ndarray) -> float:
     """The largest difference of two covariances, in units of the sigmas."""
     scale = np.sqrt(np.diag(known))
@@ -80,6 +86,34 @@ def test_the_ellipse_is_the_spread_of_runs_from_displaced_starts() -> None:
     along, across = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)])
     whole = large.value**2 * np.outer(along, along) + small.value**2 * np.outer(across, across)
     np.testing.assert_allclose(whole, plane.matrix[:2, :2], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_the_ellipse_has_the_spread_by_parameters() -> None:
+    six = some_covariance()
+    scale = np.sqrt(np.diag(six))
+    ways = np.zeros((7, 7))  # columns, one sigma each
+    ways[:6, :6] = np.linalg.cholesky(six / np.outer(scale, scale)) * scale[:, None]
+    ways[6] = 2e-12 * np.array([0.3, -0.3, 0.0, 0.0, 0.0, 0.3, 1.0])
+    C = ways @ ways.T
+    names, units = zip(*FORMS["cartesian"], strict=True)
+    given = Covariance("cartesian", (*names, "Apophis.A2"), (*units, u.au / u.day**2), np.zeros(7), C)
+    A2, until = -2.9e-14, "2029-05-01"
+    nominal = orbits.propagate(apophis().with_forces(sunlight(A2)), until=until, samples=2)
+    plane = orbits.target_plane(nominal, "Earth", covariance=given)
+
+    def answer(way: np.ndarray) -> np.ndarray:
+        q, v = apophis().values.q.copy(), apophis().values.v.copy()
+        q[-1] += way[:3]
+        v[-1] += way[3:6]
+        system = apophis().replaced(q=q, v=v).with_forces(sunlight(A2 + way[6]))
+        one = orbits.target_plane(orbits.propagate(system, until=until, samples=2), "Earth")
+        return np.array([one.xi.value, one.zeta.value, one.distance.value, (one.date - plane.date).to_value(u.s)])
+
+    D = np.array([0.5 * (answer(way) - answer(-way)) for way in ways.T]).T
+    assert close(plane.matrix, D @ D.T) < 1e-4
+    without = orbits.target_plane(nominal, "Earth", covariance=six)
+    assert close(without.matrix, D @ D.T) > 0.1
 
 
 def test_apophis_passes_as_jpl_has_it() -> None:
