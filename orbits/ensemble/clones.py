@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits.checks import finite_numbers, whole_number
 from orbits.ensemble.members import MOST, Ensemble, Systems, among, numbered
 from orbits.errors import InputError, shown
-from orbits.fitting.uncertainty import Covariance
+from orbits.results.covariance import Covariance
 from orbits.system import System
 from orbits.system.new_bodies import primary_name
 

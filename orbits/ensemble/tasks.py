@@ -19,7 +19,7 @@ import numpy as np
 
 from orbits.ensemble.members import Part
 from orbits.ensemble.summaries import SURVIVED, Columns, of_particles, of_systems
-from orbits.errors import IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
+from orbits.errors import InputError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
 from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
@@ -353,6 +353,11 @@ def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str], a
             members = found.particles[-task.part.count :]
             values[:] = [one.megno[-1] for one in members]
             passages[:] = [np.nan if one.passage is None else one.passage.value for one in members]
+        elif found.massive is None:
+            raise InputError(
+                "bodies that are read from an ephemeris have no MEGNO; expected massless ones: "
+                "orbits.ensemble.particles."
+            )
         else:
             values[k] = found.massive.megno[-1]
     return {"megno": values, "unresolved_at": passages} if task.part.massless else {"megno": values}

@@ -6,7 +6,7 @@ from orbits.fitting.observations import Observations
 from orbits.fitting.planets import fit_planets
 from orbits.fitting.record import Ignored, Place, Record
 from orbits.fitting.result import Fit
-from orbits.fitting.uncertainty import Covariance
+from orbits.results.covariance import Covariance
 from orbits.results.planet_fit import PlanetFit
 
 __all__ = ["Covariance", "Fit", "Ignored", "Observations", "Place", "PlanetFit", "Record", "Root", "fit", "fit_planets"]

@@ -22,9 +22,9 @@ from orbits.body_names import index_of
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SystemsError, UnknownNameError, shown
 from orbits.fitting.correction import SINGULAR, covariance
-from orbits.fitting.uncertainty import Covariance
 from orbits.observing.measured import RadialVelocities, TransitTimes
 from orbits.propagation.planetary import ELEMENTS, Model, elements_of
+from orbits.results.covariance import Covariance
 from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
 from orbits.time_grid import times_since

@@ -16,10 +16,10 @@ from orbits.fitting.correction import Problem, Solution
 from orbits.fitting.initial import Root, normalized_rms
 from orbits.fitting.observations import Observations
 from orbits.fitting.record import DELAY, DOPPLER, OPTICAL
-from orbits.fitting.uncertainty import Covariance, in_form
 from orbits.fitting.valley import Variation
 from orbits.propagation import propagate
 from orbits.propagation.variations.deviations import Uncertain, spread
+from orbits.results.covariance import Covariance, in_form
 from orbits.system import System
 
 if TYPE_CHECKING:

@@ -60,7 +60,8 @@ class TangentGrowth:
 class Megno:
     """MEGNO and Lyapunov exponents along a run.
 
-    massive : the `TangentGrowth` of all massive bodies together
+    massive : the `TangentGrowth` of all massive bodies together; None for bodies that are read from an ephemeris, whose
+        motion depends on no start
     m["Ceres"] : that of a massless particle; m.particles : all of these, in the order of the system
     t : times since the epoch, (n,); made_by : method and steps, in words
 
@@ -68,14 +69,18 @@ class Megno:
     """
 
     def __init__(
-        self, system: System, massive: TangentGrowth, particles: tuple[TangentGrowth, ...], made_by: str
+        self, system: System, massive: TangentGrowth | None, particles: tuple[TangentGrowth, ...], made_by: str
     ) -> None:
         self.system, self.massive, self.particles, self.made_by = system, massive, particles, made_by
 
     @property
     def t(self) -> u.Quantity:
         """Times since the epoch, (n,)."""
-        return self.massive.t
+        return self._rows[0].t
+
+    @property
+    def _rows(self) -> tuple[TangentGrowth, ...]:
+        return self.particles if self.massive is None else (self.massive, *self.particles)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -88,6 +93,8 @@ class Megno:
         Raises UnknownNameError for unknown names, InputError for massive bodies, which have only a common one.
         """
         index = index_of(name, self.system.names, "body") if isinstance(name, str) else -1
+        if index >= 0 and self.system.massive[index] and self.massive is None:
+            raise InputError(f"{self.system.names[index]!r} is read from an ephemeris, and depends on no start.")
         if index >= 0 and self.system.massive[index]:
             raise InputError(
                 f"{self.system.names[index]!r} has mass, and the massive bodies move together: m.massive is the MEGNO "
@@ -102,7 +109,7 @@ class Megno:
         """Return an astropy QTable with a row for each orbit at the last sample: body, megno, spread, lyapunov."""
         from astropy.table import QTable
 
-        rows = (self.massive, *self.particles)
+        rows = self._rows
         columns = {
             "body": np.array([row.name for row in rows], dtype=str),
             "megno": np.array([row.megno[-1] for row in rows]),
@@ -126,6 +133,6 @@ class Megno:
         head = ["orbit", "MEGNO", "spread", headed("Lyapunov time", unit)]
         rows = [
             [row.name, f"{row.megno[-1]:.4g}", f"{row.spread[-1]:.2g}", row._lyapunov_time()]
-            for row in (self.massive, *self.particles)[:MOST_ROWS]
+            for row in self._rows[:MOST_ROWS]
         ]
-        return head, rows, 1 + len(self.particles) - len(rows)
+        return head, rows, len(self._rows) - len(rows)

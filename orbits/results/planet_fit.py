@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from astropy import units as u
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.errors import counted
 from orbits.export import text_table
 from orbits.observing.measured import RadialVelocities, TransitTimes
+from orbits.results.covariance import Covariance
 from orbits.system import System
 from orbits.units import date_text
 
@@ -37,7 +38,7 @@ class PlanetFit:
     system: System
     transits: TransitTimes | None
     velocities: RadialVelocities | None
-    parameters: Any
+    parameters: Covariance
     _off: Array
     _sigma: Array
     _offsets: Array

@@ -16,8 +16,8 @@ from astropy.time import Time
 import orbits
 from orbits.errors import InputError
 from orbits.fitting.result import Fit
-from orbits.fitting.uncertainty import FORMS, Covariance
 from orbits.resources import data_path
+from orbits.results.covariance import FORMS, Covariance
 
 DATA = Path(__file__).parents[1] / "fitting" / "data"
 END = {"2008TC3": "2008-10-08", "2024BX1": "2024-01-22"}

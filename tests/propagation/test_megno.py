@@ -15,7 +15,7 @@ from orbits.marching.clocks.step_times import Place
 from orbits.marching.tangents.in_maps import MapTangents
 from orbits.marching.tangents.of_particles import ParticleTangents
 from orbits.propagation.events.particles import with_light
-from orbits.propagation.variations.megno import Megno, TangentGrowth
+from orbits.propagation.variations.megno import Megno, TangentGrowth, _starts
 from orbits.resources import data_path
 from orbits.system.model import model
 from orbits.time_grid import dynamical_time
@@ -381,3 +381,22 @@ def test_a_particle_that_is_lost_has_no_megno_from_there_on():
         m = orbits.megno(system.replaced(v=v), "gauss", dt=0.05, duration=3.0, samples=4, check_step=False)
     assert math.isnan(m["falls"].megno[-1])
     assert np.isfinite(m.massive.megno[1:]).all()
+
+
+def test_megno_among_bodies_of_an_ephemeris_is_the_growth_under_the_state_transition():
+    field = orbits.System.in_ephemeris("de440", epoch="2026-01-01", asteroids=0)
+    system = field.add("stone", primary="Sun", a=1.1, e=0.3, inc=0.1, M=2.0)
+    options = {"dt": 2 * u.day, "duration": 200 * u.day}
+    m = orbits.megno(system, "gauss", **options, samples=2, seed=5)
+    D = orbits.state_transition(system, "gauss", **options)["stone"]
+    scale = dynamical_time(system)
+    x = _starts(5, scale, 8, 1).reshape(8, 6)
+    lengths = np.linalg.norm((x @ D.T) * np.repeat([1.0, scale], 3), axis=1)
+    # Lengths are those of momenta, which relativity changes by 1e-8: seen 3e-9.
+    assert m["stone"].lyapunov[-1].value == pytest.approx(np.log(lengths).mean() / 200.0, rel=1e-8)
+    assert m.massive is None
+    assert m.to_table()["body"].tolist() == ["stone"]
+    with pytest.raises(InputError, match="'Sun' is read from an ephemeris"):
+        m["Sun"]
+    with pytest.raises(InputError, match="all bodies are read from an ephemeris"):
+        orbits.megno(field, duration=1.0 * u.day)

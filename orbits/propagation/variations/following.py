@@ -23,7 +23,7 @@ from orbits.propagation.events.particles import stretches, with_light
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.slopes import slopes_of
 from orbits.system import System
-from orbits.system.model import model
+from orbits.system.model import given_bodies, model
 from orbits.system.parameters import Parameter
 from orbits.time_grid import TimeGrid
 
@@ -48,7 +48,16 @@ def require_followable(
     """Raise InputError, with the reason, if the variations of a run, or those by parameters, are not known."""
     if system.rigid:
         raise InputError("the variations of rigid bodies are not known; leave them out: system.replaced(forces=()).")
-    acting = model(system)
+    acting, given = model(system), given_bodies(system)
+    if given and len(given) < int(system.massive.sum()):
+        raise InputError(
+            "the variations of bodies with a mass among those of an ephemeris are not known; expected massless ones: "
+            "set their GM to 0."
+        )
+    if given and system.massive.all():
+        raise InputError(
+            "all bodies are read from an ephemeris, and depend on no start; expected a massless one: system.add(...)."
+        )
     grid.clock.check(integrator)
     if integrator.follows_kepler:
         if acting.forces or parameters:

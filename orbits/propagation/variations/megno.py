@@ -75,7 +75,8 @@ def megno(
     threads: int | None = None,
     **others: Unpack[NoOthers],
 ) -> Megno:
-    """Return MEGNO and Lyapunov exponents of all massive bodies together, and of each massless particle.
+    """Return MEGNO and Lyapunov exponents of all massive bodies together, and of each massless particle; among bodies
+    of an ephemeris, which depend on no start, of massless particles alone.
 
         m = orbits.megno(system, "gauss", dt=6 * u.day, duration="10000 yr")
         m.massive.megno[-1], m.massive.lyapunov[-1]
@@ -106,12 +107,6 @@ def megno(
         raise unknown_argument(megno, name)
     if not isinstance(system, System):
         raise InputError(f"system must be an orbits.System, got {type(system).__name__}")
-    if given_bodies(system):
-        raise InputError(
-            "MEGNO among bodies that are read from an ephemeris is not known; expected bodies that are integrated, "
-            "such as those of System.solar_system(...). orbits.state_transition knows how small bodies depend on their "
-            "start."
-        )
     integrator = integrators.named("gauss" if integrator is None else integrator)
     seed, coupled = checked_seed(seed), checked_flag(coupled, "coupled")
     count = whole_number(vectors, "vectors", most=MOST_VECTORS)
@@ -147,18 +142,19 @@ def megno_of(
     def growth(followed: Varied) -> tuple[Array, IntegrationError | None]:
         return _growth(followed, integrator, grid, scale, seed, vectors)
 
-    found, failure = growth(massive_of(system))
-    if failure is not None:
-        raise failure
-    massive = _results(system, grid, [WHOLE], Growths.of([found]))[0]
-    made = made_by(system, integrator, grid)
+    massive, made = None, made_by(system, integrator, grid)
+    if not given_bodies(system):
+        found, failure = growth(massive_of(system))
+        if failure is not None:
+            raise failure
+        massive = _results(system, grid, [WHOLE], Growths.of([found]))[0]
     if system.massive.all():
         return Megno(system, massive, (), made)
     if together:
         starts = _starts(seed, scale, vectors, 1)[:, :, 0]
         growths = growths_of_particles(system, integrator, grid, starts, scale, threads)
     else:
-        growths = _one_by_one(system, growth, coupled, threads)
+        growths = _one_by_one(system, growth, coupled and massive is not None, threads)
         if integrator.follows_kepler:
             judge(system, integrator, grid, growths, passages_of_run(system, integrator, grid, threads))
     return Megno(system, massive, _results(system, grid, _light(system), growths), made)

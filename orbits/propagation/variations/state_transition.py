@@ -165,11 +165,6 @@ def matrices(
         )
     out, beside = np.zeros((len(grid), N, 6, N, 6)), np.zeros((len(grid), N, 6, len(parameters)))
     given = given_bodies(system)
-    if len(given) < int(system.massive.sum()) and given:
-        raise InputError(
-            "the variations of bodies with a mass among those of an ephemeris are not known; expected massless ones: "
-            "set their GM to 0."
-        )
     # What is read from an ephemeris depends on no start: its blocks are 0.
     momenta = np.zeros((0, 0)) if given else _fill(massive_of(system), integrator, grid, parameters, out, beside)
     coupled = coupled and not given
