@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from orbits.body_names import index_of
 from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError
-from orbits.observing.line_of_sight import line_of_sight
+from orbits.observing.line_of_sight import LineOfSight, arrived, line_of_sight
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -29,10 +29,8 @@ MOST_STEPS, LONGEST_STEP, ENOUGH = 60, 0.02, 1e-12
 NEAR_WHOLE, MOST_PARTS = 0.05, 10
 """How far from whole numbers of periods the intervals of transits may be, and the most periods in the shortest one."""
 
-ALONG_ANOTHER = 0.1
-"""How far from where they are closest, in radii of the star, the line of sight is not that of an event; the time that
-light takes is a few hundredths.
-"""
+SAME_LINE = 1e-12
+"""How far apart the components of one line of sight are at most."""
 
 
 class Linear(NamedTuple):
@@ -101,19 +99,10 @@ def transits_of(run: Run, body: str, along: Any, star: str | None) -> QTable:
     """Return the table of the transits of a body; see `Trajectory.transits`."""
     from astropy.table import QTable
 
-    towards = np.array(line_of_sight(along, "along"))
-    found: Any = run.events
-    planet, table = index_of(body, run.names, "body"), found.to_table()
-    rows = (table["body"] == run.names[planet]) & np.char.startswith(table["kind"].astype(str), "transit")
-    stars = sorted(set(table["other"][rows])) if star is None else [star]
-    if len(stars) != 1:
-        behind = f"passes in front of {' and '.join(stars)}; name one, star={stars[0]!r}" if stars else "has none"
-        raise InputError(
-            f"run.transits: {body!r} {behind}. They are those of a run with "
-            f"events=orbits.events.Transit({body!r}, ..., observer=orbits.along(...))."
-        )
-    other = index_of(stars[0], run.names, "star")
-    table = table[rows & (table["other"] == run.names[other])]
+    planet = index_of(body, run.names, "body")
+    line, found, apparent = _the_event(run, run.names[planet], along, star)
+    table, towards = found.to_table(), np.array(line)
+    other = index_of(str(table["other"][0]), run.names, "star")
     table.sort("time")
     units, t, kind = run.system.units, table["time"].value, np.asarray(table["kind"])
     mid = t[kind == MID]
@@ -126,7 +115,7 @@ def transits_of(run: Run, body: str, along: Any, star: str | None) -> QTable:
         out.add_column((run.system.epoch + out["time"]).copy(format="iso"), index=1, name="date")
     out["duration"] = u.Quantity(fourth - first, units.time)
     out["full_duration"] = u.Quantity(third - second, units.time)
-    out["impact_parameter"] = _impact_parameters(run, mid, planet, other, towards)
+    out["impact_parameter"] = _impact_parameters(run, mid, planet, other, towards, apparent)
     out["o_minus_c"] = u.Quantity(mid - linear.at(number), units.time)
     out.meta = {"body": run.names[planet], "star": run.names[other], "line_of_sight": tuple(towards)}
     out.meta |= {"t0": u.Quantity(linear.t0, units.time), "period": u.Quantity(linear.period, units.time)}
@@ -143,23 +132,45 @@ def _beside(mid: Array, contacts: Array, later: bool) -> Array:
     return np.where(own & np.isfinite(near), near, np.nan)
 
 
-def _impact_parameters(run: Run, times: Array, planet: int, star: int, towards: Array) -> Array:
-    """Return the least distances on the sky in radii of the star. Raises InputError for another line of sight."""
+def _the_event(run: Run, body: str, along: Any, star: str | None) -> tuple[LineOfSight, Any, bool]:
+    """Return the line of sight of the event of the transits of a body, what it found, and whether that is apparent.
+
+    Raises InputError unless there is one.
+    """
+    wanted = None if along is None else line_of_sight(along, "along")
+    other = None if star is None else run.names[index_of(star, run.names, "star")]
+    events: Any = run.events
+    seen = [
+        (line_of_sight(observer, "observer"), events, apparent)
+        for observer, apparent, events in events.by_event()
+        if isinstance(observer, list | tuple) and events[0].kind.startswith("transit")
+        if events[0].body == body and other in (None, events[0].other)
+    ]
+    chosen = [one for one in seen if wanted is None or np.allclose(one[0], wanted, rtol=0.0, atol=SAME_LINE)]
+    if len(chosen) == 1:
+        return chosen[0]
+    told = "; ".join(f"of {one[0].other}, {line}, apparent={apparent}" for line, one, apparent in chosen or seen)
+    if chosen:
+        said = f"{body!r} has those of {len(chosen)} events, {told}; choose by star=... or along=..., or seek one."
+    elif seen:
+        said = f"those of {body!r} were sought along another line of sight: {told}."
+    else:
+        said = (
+            f"{body!r} has none. They are those of a run with "
+            f"events=orbits.events.Transit({body!r}, ..., observer=orbits.along(...))."
+        )
+    raise InputError(f"run.transits: {said}")
+
+
+def _impact_parameters(run: Run, times: Array, planet: int, star: int, towards: Array, apparent: bool) -> Array:
+    """Return the least distances on the sky in radii of the star."""
     if not len(times):
         return np.zeros(0)
     states = run.at(times)
-    way, speed = (x.value[:, planet] - x.value[:, star] for x in (states.q, states.v))
-    way, speed = (x - (x @ towards)[:, None] * towards for x in (way, speed))
-    size = np.linalg.norm(way, axis=1)
-    radius, other = states[0].radii.value[[star, planet]]  # an event has found them
-    off = np.abs((way * speed).sum(axis=1)) > ALONG_ANOTHER * radius * np.linalg.norm(speed, axis=1)
-    off |= size > radius + other
-    if off.any():
-        raise InputError(
-            f"run.transits: the transits of {run.names[planet]!r} were sought along another line of sight; expected "
-            "along=orbits.along(...) as in the event."
-        )
-    return np.asarray(size / radius)
+    q, v = (x.value[:, [planet, star]] for x in (states.q, states.v))
+    if apparent:
+        q = arrived(q, v, towards, 1.0 / run.system.units.speed_of_light)
+    return np.asarray(np.linalg.norm(np.cross(q[:, 0] - q[:, 1], towards), axis=1) / states[0].radii.value[star])
 
 
 def mid_transits(gm: Array, q: Array, v: Array, towards: Array) -> Array:
