@@ -170,6 +170,9 @@ def one_planet(P=10.0, M=0.0, e=0.3):
 def test_a_planet_transits_when_it_was_measured_wherever_the_fit_begins(M):
     """Where Newton's method alone ends in maxima of the distance, and transits of other orbits, with chi-squared 0."""
     fit = orbits.fit(ten_days(), one_planet(M=M), elements=["P", "t0"])
+    assert "(JD 2455000.5) from 6 transits" in str(fit)
+    assert "b.t0" in str(fit)
+    assert "d after the epoch" in str(fit)
     # Reached 1e-9 d; t0 is the transit nearest to the epoch, and the planet is then before the star.
     np.testing.assert_allclose(fit.parameters.values, [10.0, 3.0], atol=1e-7)
     q = orbits.propagate(fit.system, samples=[3.0, 33.0], duration=40.0).q.value

@@ -130,6 +130,10 @@ def test_a_star_recedes_as_published_elements_say():
     K = 1e-3 / 1.001 * (2 * np.pi * a / (100 * u.day)).to_value(u.m / u.s) * np.sin(inc) / np.sqrt(1 - e * e)
     expected = K * (np.cos(omega + f) + e * np.cos(omega))
     np.testing.assert_allclose(found.radial_velocity("star").to_value(u.m / u.s), expected, atol=1e-9 * K)
+    node = star.add("p", mass=1e-3 * u.M_sun, P=100 * u.day, inc=inc, Omega=30 * u.deg, frame="sky")
+    way, speed = (x[1] - x[0] for x in (node.values.q, node.values.v))
+    np.testing.assert_allclose([np.rad2deg(np.arctan2(way[1], way[0])), way[2]], [30.0, 0.0], atol=1e-12)
+    assert speed[2] > 0.0  # at the node a planet approaches the observer, along z
     at = found.radial_velocity("star", times=found.t[3])
     assert at.shape == ()
     assert at.value == pytest.approx(expected[3], abs=1e-9 * K)
