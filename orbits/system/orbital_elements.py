@@ -33,7 +33,7 @@ class OrbitalElements(Tabular):
     names : the bodies, in the order of the last axis, without the primary
     primary : the centre of the orbits: a body, "barycentre" (of the massive bodies) or "jacobi" (the centre of mass of
         the preceding bodies)
-    frame : the frame of the angles, "ecliptic" (of J2000), "icrf" or "system" (the axes of the system itself)
+    frame : the frame of the angles, "ecliptic" (of J2000), "icrf", "sky" or "system" (the axes of the system itself)
     t : time of the states since the epoch, shape () or (samples,);  epoch : a Time, or None
     a, e, q, inc, Omega, omega, pomega, M, E, f, u, l, theta, n, P, T, h, k, ix, iy : as defined for every conic in
         `orbits.elements.Elements`; angles in radians, T a time since the epoch

@@ -65,7 +65,7 @@ class Questions:
         primary : a body; "barycentre", the centre of mass of all massive bodies; or "jacobi", the centre of mass of
             the preceding bodies. The two-body GM is the sum of the body's and the primary's. Optional if only one body
             has mass
-        frame : "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
+        frame : "ecliptic" (of J2000), "icrf", "sky" or "system" (the system's own axes); by default `System.frame`
 
         Raises UnknownNameError for a primary or frame that does not exist, InputError, naming the body, for a state
         without elements: at the position of the primary, or moving straight towards or away from it.

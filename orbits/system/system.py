@@ -250,7 +250,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
             distance; a < 0 for a hyperbola; a parabola is q with e = 1), e, inc, Omega, omega or pomega, and one of
             M, f, E, u, l, theta (angles; plain numbers are radians) or T (pericentre passage: a time since the epoch,
             or a Time); or Pal's a, l, h, k, ix, iy. `orbits.elements.state_from_elements` defines each of them
-        frame : the frame of the angles, "ecliptic" (of J2000), "icrf" or "system" (the axes of the system itself); by
+        frame : the frame of the angles, "ecliptic" (of J2000), "icrf", "sky" or "system" (its own axes); by
             default `System.frame` of the new system
         q and v : instead of elements, position and velocity in the system's axes, relative to the primary, or to the
             origin if no primary is named

@@ -305,7 +305,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         """Return the osculating elements of all other bodies at all samples, shape (n, bodies - 1).
 
         primary : a body, "barycentre" or "jacobi"; optional if only one body has mass
-        frame : "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default that of `System.frame`
+        frame : "ecliptic" (of J2000), "icrf", "sky" or "system" (the system's own axes); by default
+            that of `System.frame`
         Bodies that merged before the first of these samples are left out.
         Raises as `System.elements` does.
         """

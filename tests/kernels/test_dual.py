@@ -66,3 +66,23 @@ def test_a_number_that_is_0_but_about_to_change_is_not_0():
     own, q, out = np.array([0.3, 8.0, 1j]), np.array([0.4, 0.8], complex), np.zeros(9, complex)
     on_duals(own, q, out)
     assert out[8] == 1j
+
+
+@kernel
+def at_the_edges(q, out):
+    x, y, one, zero = get(q, 0), get(q, 1), get(q, 2), get(q, 3)
+    put(out, 0, power(x, zero) + power(zero, 2.0))
+    put(out, 1, power(zero, y))
+    put(out, 2, asin(one) + acos(one) + x)
+    put(out, 3, log(one + x) + power(x, 1.0))
+
+
+@kernel
+def duals_at_the_edges(q, out):
+    at_the_edges(duals(q), duals(out))
+
+
+def test_what_does_not_change_has_a_derivative_where_functions_have_none():
+    out = np.zeros(4, complex)
+    duals_at_the_edges(np.array([1j, 2.0 + 1j, 1.0, 0.0]), out)  # x = 0 and y = 2 change, 1 and 0 do not
+    np.testing.assert_allclose(out.imag, [0.0, 0.0, 1.0, 2.0], rtol=0, atol=1e-15)

@@ -182,17 +182,17 @@ minimum = _elementwise(
 )
 exact_add = _elementwise(
     lambda b, x, y: b.fadd(x, y),
-    "Return fl(a + b), never fused; float64 or `Lanes`.",
+    "Return fl(a + b), never fused; float64, dual numbers or `Lanes`.",
     of_duals.add,
 )
 exact_mul = _elementwise(
     lambda b, x, y: b.fmul(x, y),
-    "Return fl(a b), never fused; float64 or `Lanes`.",
+    "Return fl(a b), never fused; float64, dual numbers or `Lanes`.",
     of_duals.multiply,
 )
 exact_sub = _elementwise(
     lambda b, x, y: b.fsub(x, y),
-    "Return fl(a - b), never fused; float64 or `Lanes`.",
+    "Return fl(a - b), never fused; float64, dual numbers or `Lanes`.",
     of_duals.subtract,
 )
 

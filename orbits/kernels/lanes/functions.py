@@ -51,7 +51,10 @@ def _unary(function, derivative):
         )
 
     def of_dual(x):
-        return dual_number(function(number(x)), slope(x) * differentiated(number(x)))
+        change = 0.0
+        if slope(x) != 0.0:  # what does not change has a derivative where the function has none
+            change = slope(x) * differentiated(number(x))
+        return dual_number(function(number(x)), change)
 
     differentiated = verb(lambda x: derivative, options={})
 
@@ -114,70 +117,74 @@ def _binary(function, by_first, by_second):
 
 @_unary(math.sin, lambda x: math.cos(x))
 def sin(x):
-    """Return the sine; float64 or `Lanes`."""
+    """Return the sine; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.cos, lambda x: -math.sin(x))
 def cos(x):
-    """Return the cosine; float64 or `Lanes`."""
+    """Return the cosine; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.tan, lambda x: 1.0 + math.tan(x) ** 2)
 def tan(x):
-    """Return the tangent; float64 or `Lanes`."""
+    """Return the tangent; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.asin, lambda x: 1.0 / math.sqrt(1.0 - x * x))
 def asin(x):
-    """Return the inverse sine; float64 or `Lanes`."""
+    """Return the inverse sine; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.acos, lambda x: -1.0 / math.sqrt(1.0 - x * x))
 def acos(x):
-    """Return the inverse cosine; float64 or `Lanes`."""
+    """Return the inverse cosine; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.atan, lambda x: 1.0 / (1.0 + x * x))
 def atan(x):
-    """Return the inverse tangent; float64 or `Lanes`."""
+    """Return the inverse tangent; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.sinh, lambda x: math.cosh(x))
 def sinh(x):
-    """Return the hyperbolic sine; float64 or `Lanes`."""
+    """Return the hyperbolic sine; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.cosh, lambda x: math.sinh(x))
 def cosh(x):
-    """Return the hyperbolic cosine; float64 or `Lanes`."""
+    """Return the hyperbolic cosine; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.tanh, lambda x: 1.0 - math.tanh(x) ** 2)
 def tanh(x):
-    """Return the hyperbolic tangent; float64 or `Lanes`."""
+    """Return the hyperbolic tangent; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.exp, lambda x: math.exp(x))
 def exp(x):
-    """Return the exponential; float64 or `Lanes`."""
+    """Return the exponential; float64, dual numbers or `Lanes`."""
 
 
 @_unary(math.log, lambda x: 1.0 / x)
 def log(x):
-    """Return the natural logarithm; float64 or `Lanes`."""
+    """Return the natural logarithm; float64, dual numbers or `Lanes`."""
 
 
 @_binary(math.atan2, lambda x, y: y / (x * x + y * y), lambda x, y: -x / (x * x + y * y))
 def atan2(y, x):
-    """Return the angle of the point (x, y); float64 or `Lanes`."""
+    """Return the angle of the point (x, y); float64, dual numbers or `Lanes`."""
 
 
-@_binary(math.pow, lambda x, y: y * math.pow(x, y - 1.0), lambda x, y: math.pow(x, y) * math.log(x))
+@_binary(
+    math.pow,
+    lambda x, y: y * math.pow(x, y - 1.0) if y != 0.0 else 0.0,
+    lambda x, y: math.pow(x, y) * math.log(x) if x != 0.0 or y <= 0.0 else 0.0,
+)
 def power(x, y):
-    """Return x to the power y; float64 or `Lanes`."""
+    """Return x to the power y; float64, dual numbers or `Lanes`."""
 
 
 @partial(verb, options={})
 def positive(x):
-    """Return x where it is positive, else NaN; float64 or `Lanes`."""
+    """Return x where it is positive, else NaN; float64, dual numbers or `Lanes`."""
     return lambda x: select(x > 0.0, x, math.nan * x)

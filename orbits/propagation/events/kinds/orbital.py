@@ -103,7 +103,8 @@ class ElementCrossing(Sought):
         anomaly), or "energy" (of the two bodies, v^2/2 - GM/r)
     value : a quantity or a number in the system's units; angles in radians
     primary : a name; optional if one body has more than 90 % of the mass
-    frame : of the angles, "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
+    frame : of the angles, "ecliptic" (of J2000), "icrf", "sky" or "system" (the system's own axes); by default
+        `System.frame`
     direction : 1 if it is to rise through the value, -1 if it is to fall, 0 for both
     then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """

@@ -25,7 +25,7 @@ class NodeCrossing(Sought):
 
     body : a name; None means every body but the primary
     primary : a name; optional if one body has more than 90 % of the mass
-    frame : "ecliptic" (of J2000), "icrf" or "system" (the system's own axes), whose x-y plane it is; by default
+    frame : "ecliptic" (of J2000), "icrf", "sky" or "system" (the system's own axes), whose x-y plane it is; by default
         `System.frame`
     direction : 1 for ascending nodes alone, -1 for descending ones, 0 for both
     then : "record", "stop", or what is to be done; see `orbits.events.Event`
@@ -54,7 +54,8 @@ class PlaneCrossing(Sought):
     normal : the direction to which the plane is normal, three numbers
     about : the name of a body through which the plane goes, and with which it moves; None for the origin of the system
     offset : the distance of the plane from there, along the normal: a quantity, or a number in the unit of length
-    frame : of the normal, "ecliptic" (of J2000), "icrf" or "system" (the system's own axes); by default `System.frame`
+    frame : of the normal, "ecliptic" (of J2000), "icrf", "sky" or "system" (the system's own axes); by default
+        `System.frame`
     direction : 1 for passages along the normal alone, -1 for those against it, 0 for both
     then : "record", "stop", or what is to be done; see `orbits.events.Event`
     """
