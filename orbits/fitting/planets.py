@@ -24,7 +24,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SystemsError, UnknownNameError, shown
 from orbits.fitting.correction import covariance
 from orbits.observing.measured import RadialVelocities, TransitTimes
-from orbits.propagation.planetary import ELEMENTS, Model, elements_of, with_planets
+from orbits.propagation.planetary import ELEMENTS, MOST_E, Model, checked_start, elements_of, with_planets
 from orbits.results.covariance import Covariance
 from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
@@ -60,9 +60,6 @@ differences known.
 
 WIDEST = (1.0, 1.0, 1.0, 1.0, 1.0, np.pi, np.pi)
 """The sigmas of parameters that are not determined: all that they can be, P and t0 relative to P."""
-
-MOST_E = 0.999
-"""Orbits with a larger e are not sought."""
 
 MOST_STEPS = 100
 MOST_DAMPING = 1e10
@@ -208,9 +205,9 @@ def fit_planets(
     jitter : what is added in quadrature to the sigmas of radial velocities, a speed, or one by instrument
     interacting : False lets each planet move alone with the star, on Kepler's orbit, and adds what they do to it
 
-    Raises InputError for other systems, and if the planets do not pass near the times of transits; UnknownNameError for
-    an unknown planet, element or instrument; ConvergenceError if the fit does not converge, or if the measurements do
-    not determine its parameters.
+    Raises InputError for other systems, if the planets do not pass near the times of transits, and if they go round more
+    or less often between them than their numbers say; UnknownNameError for an unknown planet, element or instrument;
+    ConvergenceError if the fit does not converge, or if the measurements do not determine its parameters.
     """
     for name in others:
         raise unknown_argument(fit_planets, name)
@@ -218,7 +215,7 @@ def fit_planets(
     several: Any = observations if isinstance(observations, list | tuple) else [observations]
     transits: TransitTimes | None = _together(one for one in several if isinstance(one, TransitTimes))
     velocities: RadialVelocities | None = _together(one for one in several if isinstance(one, RadialVelocities))
-    system = _checked(with_planets(system, transits))
+    system = checked_start(with_planets(system, transits))
     planets = system.names[1:]
     free = _free(elements, planets)
     none = np.zeros(0)
@@ -271,22 +268,6 @@ def _together(measured: Iterable[Any]) -> Any:
     """Return several sets of measurements as one, None without any."""
     sets = list(measured)
     return reduce(add, sets) if sets else None
-
-
-def _checked(system: Any) -> System:
-    """Return a system of a star and its planets. Raises InputError for anything else."""
-    if not isinstance(system, System) or len(system) < 2 or system.epoch is None or not system.units.is_physical:
-        raise InputError(
-            f"system is {shown(system)}; expected the star and its planets about where they are: "
-            'orbits.System.from_elements({...}, epoch=..., frame="sky").'
-        )
-    gm = system.values.gm
-    if gm[0] != gm.max() or not (gm > 0.0).all():
-        raise InputError("the star is to be the first body of the system, and all planets need a mass, if a guess.")
-    for name, e in zip(system.names[1:], system.elements("jacobi", frame="sky").e.value, strict=True):
-        if not e <= MOST_E:
-            raise InputError(f"{name} of the start has e = {e:.6g}; expected at most {MOST_E}.")
-    return system
 
 
 def _free(elements: Sequence[str], planets: Sequence[str]) -> NDArray[np.bool_]:

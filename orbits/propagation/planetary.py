@@ -10,7 +10,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.observing.line_of_sight import SKY
 from orbits.observing.measured import TransitTimes
 from orbits.observing.placing import barycentre
@@ -29,6 +29,9 @@ the osculating orbit about the centre of mass of the bodies before it. Times are
 
 GUESS = 3e-5
 """The mass ratio from which a fit begins that is given the star alone: ten masses of the Earth to that of the Sun."""
+
+MOST_E = 0.999
+"""Orbits with a larger e are not sought."""
 
 TOWARDS = np.array(SKY)
 
@@ -100,6 +103,22 @@ def with_planets(system: Any, transits: TransitTimes | None) -> Any:
         M = (0.25 - (t0 - system.epoch.jd) / P) % 1.0 * 360.0 * u.deg  # from the node
         orbit = {"P": P * u.day, "inc": 90.0 * u.deg, "M": M}
         system = system.add(name, gm=GUESS * system.gm[0], primary="jacobi", frame="sky", **orbit)
+    return system
+
+
+def checked_start(system: Any) -> System:
+    """Return a system of a star and its planets. Raises InputError for anything else."""
+    if not isinstance(system, System) or len(system) < 2 or system.epoch is None or not system.units.is_physical:
+        raise InputError(
+            f"system is {shown(system)}; expected the star and its planets about where they are: "
+            'orbits.System.from_elements({...}, epoch=..., frame="sky").'
+        )
+    gm = system.values.gm
+    if gm[0] != gm.max() or not (gm > 0.0).all():
+        raise InputError("the star is to be the first body of the system, and all planets need a mass, if a guess.")
+    for name, e in zip(system.names[1:], system.elements("jacobi", frame="sky").e.value, strict=True):
+        if not e <= MOST_E:
+            raise InputError(f"{name} of the start has e = {e:.6g}; expected at most {MOST_E}.")
     return system
 
 
