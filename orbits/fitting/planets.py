@@ -27,7 +27,6 @@ from orbits.observing.measured import RadialVelocities, TransitTimes
 from orbits.propagation.planetary import ELEMENTS, MOST_E, Model, checked_start, elements_of, with_planets
 from orbits.results.covariance import Covariance
 from orbits.results.planet_fit import PlanetFit
-from orbits.system import System
 from orbits.time_grid import times_since
 
 Array = NDArray[np.float64]
@@ -205,7 +204,7 @@ def fit_planets(
     jitter : what is added in quadrature to the sigmas of radial velocities, a speed, or one by instrument
     interacting : False lets each planet move alone with the star, on Kepler's orbit, and adds what they do to it
 
-    Raises InputError for other systems, if the planets do not pass near the times of transits, and if they go round more
+    Raises InputError for other systems, if planets do not pass near the times of transits, and if they go round more
     or less often between them than their numbers say; UnknownNameError for an unknown planet, element or instrument;
     ConvergenceError if the fit does not converge, or if the measurements do not determine its parameters.
     """
