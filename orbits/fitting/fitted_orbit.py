@@ -24,7 +24,7 @@ from orbits.fitting.instruments import Instrument, Together
 from orbits.fitting.observations import Observations
 from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_planets
 from orbits.fitting.record import DELAY, OPTICAL
-from orbits.fitting.result import Fit
+from orbits.fitting.result import Fit, telling_rejections
 from orbits.fitting.sight import Sight
 from orbits.fitting.valley import WIDE, valley, wide_range
 from orbits.forces.non_gravitational import NonGravitational
@@ -89,7 +89,8 @@ def fit(
         declination; by default those of `observations.sigma`
     reject : whether outliers are rejected, after Carpino, Milani & Chesley (2003): those whose chi-squared is above 8,
         which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
-        the rest and 8 for each of them. `fit.rejected` has them
+        the rest and 8 for each of them. `fit.rejected` has them; of radar, or of more than a tenth, an OrbitsWarning
+        tells
 
     Or the planets of a star from the times of their transits and its radial velocities, `orbits.TransitTimes` and
     `orbits.RadialVelocities`, with other options: see `orbits.fitting.planets.fit_planets`.
@@ -195,6 +196,9 @@ def _fitted(
         found,
         covariance(problem.white(found.derivatives)[found.used]),
     )
+    rejected = telling_rejections(fit)
+    if rejected is not None:
+        rejected.warn()
     a, e = fit.covariance("keplerian").sigma[:2]
     if max(e, abs(a / fit.covariance("keplerian").values[0])) < WIDE or parameters:
         return fit

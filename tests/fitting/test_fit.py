@@ -10,7 +10,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, OrbitsWarning, UnknownNameError
 from orbits.fitting.arc import Arc
 
 from ..coverings import each
@@ -72,6 +72,9 @@ def test_outliers_are_rejected_and_good_observations_are_not():
     assert mahalanobis(found, state(start())) < 22.5  # exceeded by one in a thousand
     assert [row["line"] for row in found.rejected] == (np.flatnonzero(~found.used) + 2).tolist()
     assert "off, chi-squared" in found.rejected["reason"][0]
+    errors[:14, 0] += 30.0
+    with pytest.warns(OrbitsWarning, match="1[4-9] of 120 places, by up to 9[0-9]{2} arcsec"):  # more than a tenth
+        orbits.fit(observed(errors), start())
     kept = orbits.fit(observed(errors), start(), reject=False)
     assert kept.used.all()
     assert kept.normalized_rms > 10 * found.normalized_rms
@@ -136,7 +139,7 @@ def test_the_covariance_in_elements_is_that_of_clones(holman):
 
 def test_what_a_fit_says_of_itself(holman):
     text = repr(holman)
-    assert "orbit of 3666 at 2001-04-02 00:00 TDB from 200 observations, 0 of them rejected; RMS 0.78" in text
+    assert "orbit of 3666 at 2001-04-02 00:00 TDB from 200 places, 0 rejected, RMS 0.78" in text
     assert "Omega" in text
     assert len(holman.residuals) == 200
     assert len(holman.rejected) == 0
