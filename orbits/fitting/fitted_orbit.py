@@ -15,10 +15,10 @@ from orbits.body_names import few
 from orbits.checks import checked_flag
 from orbits.elements.two_body import any_two_body
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, counted, shown
+from orbits.errors import InputError, UnknownNameError, counted, shown
 from orbits.fitting.arc import Arc
 from orbits.fitting.correction import Problem, Solution, corrected, covariance, with_outliers_rejected
-from orbits.fitting.echoes import Echoes, bounced_nowhere
+from orbits.fitting.echoes import Echoes, without_radius
 from orbits.fitting.initial import Root, first_solution, orbits_in_doubt
 from orbits.fitting.instruments import Instrument, Together
 from orbits.fitting.observations import Observations
@@ -26,12 +26,12 @@ from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_pla
 from orbits.fitting.record import DELAY, OPTICAL
 from orbits.fitting.result import Fit, telling_rejections
 from orbits.fitting.sight import Sight
-from orbits.fitting.valley import WIDE, valley, wide_range
+from orbits.fitting.valley import WIDE, valley, wide_covariance, wide_range
 from orbits.forces.non_gravitational import NonGravitational
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
 from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
-from orbits.system.parameters import acted_on, parameters_of, with_values
+from orbits.system.parameters import acted_on, parameters_of, require_list, with_values
 from orbits.units import GM_SUN
 
 Array = NDArray[np.float64]
@@ -115,6 +115,7 @@ def fit(
     for name in others:
         raise unknown_argument(fit, name)
     rejects = checked_flag(reject, "reject")
+    require_list(parameters)
     _check(observations)
     given = _sigma(observations, sigma)
     if system is not None:
@@ -177,7 +178,10 @@ def _fitted(
     """
     named = [f"{name}.{one}" if one in OWN else one for one in parameters]
     alone, system = (_with_force(one, name, named) for one in (alone, system))
-    arc = Arc(alone, name, named)
+    try:
+        arc = Arc(alone, name, named)
+    except UnknownNameError as error:
+        raise UnknownNameError(f"{error} A fit has A1, A2 and A3 of {name} also without one.") from None
     start = np.concatenate([_start_of(alone, name), [one.value for one in arc.parameters]])
     sight = _instruments(observations, alone, name)
     problem = Problem(arc, sight, given, _correlations(observations))
@@ -199,8 +203,11 @@ def _fitted(
     rejected = telling_rejections(fit)
     if rejected is not None:
         rejected.warn()
-    a, e = fit.covariance("keplerian").sigma[:2]
-    if max(e, abs(a / fit.covariance("keplerian").values[0])) < WIDE or parameters:
+    orbit = fit.covariance("keplerian")
+    if max(orbit.sigma[1], abs(orbit.sigma[0] / orbit.values[0])) < WIDE:
+        return fit
+    if parameters:
+        wide_covariance(name, orbit.values[:2], orbit.sigma[:2]).warn()
         return fit
     fit = replace(fit, range=valley(problem, found))
     wide_range(name, fit.range).warn()
@@ -215,7 +222,7 @@ def _instruments(observations: Observations, system: System, name: str) -> Instr
     radar, radii = observations[~optical], system.radii
     radius = 0.0 if radii is None else float(radii[system.names.index(name)].to_value(u.au))
     if radius == 0.0 and any(one.surface and one.kind == DELAY for one in radar.records):
-        bounced_nowhere(name).warn()
+        without_radius(name).warn()
     echoes = Echoes(radar.records, radar.time, epoch, radius)
     if not optical.any():
         return echoes
