@@ -15,8 +15,8 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, InputError, IntegrationError, counted
-from orbits.fitting.arc import Arc
 from orbits.fitting.instruments import Instrument
+from orbits.propagation.variations.arc import Arc
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

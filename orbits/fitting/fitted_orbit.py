@@ -16,7 +16,6 @@ from orbits.checks import checked_flag
 from orbits.elements.two_body import any_two_body
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, UnknownNameError, counted, shown
-from orbits.fitting.arc import Arc
 from orbits.fitting.correction import Problem, Solution, corrected, covariance, with_outliers_rejected
 from orbits.fitting.echoes import Echoes, without_radius
 from orbits.fitting.initial import Root, first_solution, orbits_in_doubt
@@ -29,6 +28,7 @@ from orbits.fitting.sight import Sight
 from orbits.fitting.valley import WIDE, valley, wide_covariance, wide_range
 from orbits.forces.non_gravitational import NonGravitational
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
+from orbits.propagation.variations.arc import Arc
 from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
 from orbits.system.parameters import acted_on, parameters_of, require_list, with_values

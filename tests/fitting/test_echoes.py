@@ -11,11 +11,11 @@ from astropy.time import Time
 import orbits
 from orbits.ephemeris import AU_KM
 from orbits.errors import OrbitsWarning
-from orbits.fitting.arc import Arc
 from orbits.fitting.echoes import Echoes
 from orbits.fitting.fitted_orbit import _instruments
 from orbits.fitting.observations import Observations
 from orbits.observing.stations import stations
+from orbits.propagation.variations.arc import Arc
 
 from .skies import observed, start, state
 

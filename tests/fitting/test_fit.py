@@ -11,7 +11,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import ConvergenceError, InputError, OrbitsWarning, UnknownNameError
-from orbits.fitting.arc import Arc
+from orbits.propagation.variations.arc import Arc
 
 from ..coverings import each
 from .skies import mahalanobis, observed, start, state
