@@ -20,8 +20,8 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
         print(orbits.ensemble.impact_probability(campaign, "Earth", radius=6378.137 * u.km))
 
     radius : of the planet, as a point mass attracts: what comes closer to the centre hits
-    The nominal orbit, which is the first member, does not count. How many clones an error needs says
-    `TargetPlane.clones_needed`. Raises InputError for a campaign that is not finished or did not look for approaches.
+    The nominal orbit, which is the first member, does not count. `TargetPlane.clones_needed` says how many clones
+    an error needs. Raises InputError for a campaign that is not finished or did not look for approaches.
     """
     if not isinstance(campaign, Campaign):
         raise InputError(f"campaign is {shown(campaign)}; expected one of orbits.ensemble.run.")

@@ -11,11 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import ConvergenceError, IntegrationError, counted
-from orbits.fitting.arc import Arc
+from orbits.errors import ConvergenceError, InputError, IntegrationError, counted
 from orbits.fitting.instruments import Instrument
+from orbits.propagation.variations.arc import Arc
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -112,7 +113,7 @@ def corrected(
         try:
             tried, light = problem.seen(now + step, delay)
             found = problem.white(tried)[used].ravel()
-        except IntegrationError:
+        except (IntegrationError, InputError):  # the step leads to a body, or a mass, that cannot be
             found = np.full_like(r, np.inf)
         if np.isfinite(found).all() and (last or float(found @ found) <= float(r @ r) + NOTHING):
             now, residuals, delay = now + step, tried, light
@@ -125,7 +126,23 @@ def corrected(
             damping = max(30.0 * damping, 1e-8)
             continue
         linear, exact = Linear.of(problem, problem.derivatives(now, delay), used), True
-    raise ConvergenceError("the differential correction does not converge.")
+    raise ConvergenceError(_unconverged(problem, residuals, used))
+
+
+def _unconverged(problem: Problem, residuals: Array, used: Mask) -> str:
+    """Return what is told of a correction that does not converge."""
+    chi2 = np.where(used, (problem.white(residuals) ** 2).sum(axis=1), 0.0)
+    worst, epoch = int(np.argmax(chi2)), problem.arc.system.epoch
+    assert epoch is not None  # a system in an ephemeris has one
+    count, left = int(used.sum()), int((~used).sum())
+    said = (
+        f"the differential correction does not converge: chi-squared of {counted(count, 'observation')} is "
+        f"{chi2.sum():.3g}, that of the worst, of {(epoch + problem.sight.days[worst] * u.day).iso[:19]} TDB, "
+        f"{chi2[worst]:.3g}; {left:,} more are rejected. "
+    )
+    if left or chi2[worst] > REJECTED:
+        return said + 'Does the model lack a force, such as parameters=["A2"], or is the start far off?'
+    return said + "They are met already, so that they hardly determine all that is fitted: fit fewer parameters."
 
 
 @dataclass(frozen=True)

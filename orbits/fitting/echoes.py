@@ -69,7 +69,7 @@ class Echoes:
         return np.stack([first, np.zeros_like(first)], axis=1)
 
 
-def bounced_nowhere(body: str) -> Finding:
+def without_radius(body: str) -> Finding:
     """Return what is told of delays to a surface whose distance from the centre is not known."""
     return Finding(
         f"delays of {body} were measured to its surface, whose radius is not given: they are taken to its centre, two "

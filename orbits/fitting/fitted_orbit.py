@@ -15,23 +15,23 @@ from orbits.body_names import few
 from orbits.checks import checked_flag
 from orbits.elements.two_body import any_two_body
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, counted, shown
-from orbits.fitting.arc import Arc
+from orbits.errors import InputError, UnknownNameError, counted, shown
 from orbits.fitting.correction import Problem, Solution, corrected, covariance, with_outliers_rejected
-from orbits.fitting.echoes import Echoes, bounced_nowhere
+from orbits.fitting.echoes import Echoes, without_radius
 from orbits.fitting.initial import Root, first_solution, orbits_in_doubt
 from orbits.fitting.instruments import Instrument, Together
 from orbits.fitting.observations import Observations
 from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_planets
 from orbits.fitting.record import DELAY, OPTICAL
-from orbits.fitting.result import Fit
+from orbits.fitting.result import Fit, telling_rejections
 from orbits.fitting.sight import Sight
-from orbits.fitting.valley import WIDE, valley, wide_range
+from orbits.fitting.valley import WIDE, valley, wide_covariance, wide_range
 from orbits.forces.non_gravitational import NonGravitational
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
+from orbits.propagation.variations.arc import Arc
 from orbits.results.planet_fit import PlanetFit
 from orbits.system import System
-from orbits.system.parameters import acted_on, parameters_of, with_values
+from orbits.system.parameters import acted_on, parameters_of, require_list, with_values
 from orbits.units import GM_SUN
 
 Array = NDArray[np.float64]
@@ -89,7 +89,8 @@ def fit(
         declination; by default those of `observations.sigma`
     reject : whether outliers are rejected, after Carpino, Milani & Chesley (2003): those whose chi-squared is above 8,
         which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
-        the rest and 8 for each of them. `fit.rejected` has them
+        the rest and 8 for each of them. `fit.rejected` has them; of radar, or of more than a tenth, an OrbitsWarning
+        tells
 
     Or the planets of a star from the times of their transits and its radial velocities, `orbits.TransitTimes` and
     `orbits.RadialVelocities`, with other options: see `orbits.fitting.planets.fit_planets`.
@@ -114,6 +115,7 @@ def fit(
     for name in others:
         raise unknown_argument(fit, name)
     rejects = checked_flag(reject, "reject")
+    require_list(parameters)
     _check(observations)
     given = _sigma(observations, sigma)
     if system is not None:
@@ -176,7 +178,10 @@ def _fitted(
     """
     named = [f"{name}.{one}" if one in OWN else one for one in parameters]
     alone, system = (_with_force(one, name, named) for one in (alone, system))
-    arc = Arc(alone, name, named)
+    try:
+        arc = Arc(alone, name, named)
+    except UnknownNameError as error:
+        raise UnknownNameError(f"{error} A fit has A1, A2 and A3 of {name} also without one.") from None
     start = np.concatenate([_start_of(alone, name), [one.value for one in arc.parameters]])
     sight = _instruments(observations, alone, name)
     problem = Problem(arc, sight, given, _correlations(observations))
@@ -195,8 +200,14 @@ def _fitted(
         found,
         covariance(problem.white(found.derivatives)[found.used]),
     )
-    a, e = fit.covariance("keplerian").sigma[:2]
-    if max(e, abs(a / fit.covariance("keplerian").values[0])) < WIDE or parameters:
+    rejected = telling_rejections(fit)
+    if rejected is not None:
+        rejected.warn()
+    orbit = fit.covariance("keplerian")
+    if max(orbit.sigma[1], abs(orbit.sigma[0] / orbit.values[0])) < WIDE:
+        return fit
+    if parameters:
+        wide_covariance(name, orbit.values[:2], orbit.sigma[:2]).warn()
         return fit
     fit = replace(fit, range=valley(problem, found))
     wide_range(name, fit.range).warn()
@@ -211,7 +222,7 @@ def _instruments(observations: Observations, system: System, name: str) -> Instr
     radar, radii = observations[~optical], system.radii
     radius = 0.0 if radii is None else float(radii[system.names.index(name)].to_value(u.au))
     if radius == 0.0 and any(one.surface and one.kind == DELAY for one in radar.records):
-        bounced_nowhere(name).warn()
+        without_radius(name).warn()
     echoes = Echoes(radar.records, radar.time, epoch, radius)
     if not optical.any():
         return echoes

@@ -173,11 +173,12 @@ class Observations:
         return u.Quantity(out, u.arcsec)
 
     def to_table(self) -> QTable:
-        """Return an astropy QTable with a row for each observation."""
+        """Return an astropy QTable with a row for each observation; dates are TDB."""
         from astropy.table import QTable
 
         columns: dict[str, Any] = {name: [getattr(one, name) for one in self.records] for name in ("line", "body")}
-        columns |= {"date": self.time, "kind": self.kind, "station": self.station, "ra": self.ra, "dec": self.dec}
+        columns["date"] = Time(self.time, format="iso", precision=0)
+        columns |= {"kind": self.kind, "station": self.station, "ra": self.ra, "dec": self.dec}
         columns |= {"sigma_ra": self.sigma[:, 0], "sigma_dec": self.sigma[:, 1]}
         for name in ("value", "catalogue", "mode", "notes", "mag", "band"):
             columns[name] = [getattr(one, name) for one in self.records]

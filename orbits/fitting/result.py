@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import counted
 from orbits.export import text_table
+from orbits.finding import Finding
 from orbits.fitting.correction import Problem, Solution
 from orbits.fitting.initial import Root, normalized_rms
 from orbits.fitting.observations import Observations
@@ -29,11 +30,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+KINDS = {OPTICAL: "place", DELAY: "delay", DOPPLER: "Doppler shift"}
+
 MEASURED = (
     *(("ra", OPTICAL, 0, u.arcsec), ("dec", OPTICAL, 1, u.arcsec)),
     *(("delay", DELAY, 0, u.us), ("doppler", DOPPLER, 0, u.Hz)),
 )
 """Residuals by name, with the kind of the observation, which of its two they are, and the unit."""
+
+MANY = 0.1
+"""The part of the places whose rejection is told; that of radar always is."""
 
 
 class Fitted(NamedTuple):
@@ -78,10 +84,13 @@ class Fit:
     @property
     def rms(self) -> u.Quantity:
         """The root mean square of the residuals of optical observations that count, in right ascension times cos(dec)
-        and declination, (2,).
+        and declination, (2,); NaN if there are none.
         """
-        rows = self.used & (self.observations.kind == OPTICAL)
-        return u.Quantity(np.sqrt(np.mean(self._found.residuals[rows] ** 2, axis=0)), u.arcsec)
+        return u.Quantity(self._rms(OPTICAL), u.arcsec)
+
+    def _rms(self, kind: str) -> Array:
+        rows = self.used & (self.observations.kind == kind)
+        return np.sqrt(np.mean(self._found.residuals[rows] ** 2, axis=0)) if rows.any() else np.full(2, np.nan)
 
     @property
     def normalized_rms(self) -> float:
@@ -145,16 +154,21 @@ class Fit:
         """Return a picture of the residuals over time, a matplotlib Figure; rejected ones are crosses."""
         from orbits.plotting.residuals import of_residuals
 
-        east, north = self.rms.value
-        title = f"{self.name}: observed less computed, RMS {east:.2f}″ and {north:.2f}″"
-        return of_residuals(self.residuals, title)
+        return of_residuals(self.residuals, "\n".join([f"{self.name}: observed less computed", *self._kinds()]))
+
+    def _kinds(self) -> list[str]:
+        """Return what there is of each kind of observation: how many, rejected ones, RMS of the others."""
+        out = []
+        for kind, what in KINDS.items():
+            here = self.observations.kind == kind
+            rms = [f"{self._rms(kind)[k]:.3g} {unit}" for _, of, k, unit in MEASURED if of == kind]
+            left = f"{(here & ~self.used).sum():,} rejected, RMS {' and '.join(rms)}"
+            out += [f"{counted(int(here.sum()), what)}, {left}"] * bool(here.any())
+        return out
 
     def __repr__(self) -> str:
-        east, north = self.rms.to_value(u.arcsec)
-        left = int((~self.used).sum())
         caption = (
-            f"orbit of {self.name} at {self.epoch.iso[:16]} TDB from {counted(len(self.used), 'observation')}, "
-            f'{left:,} of them rejected; RMS {east:.3g}" in right ascension, {north:.3g}" in declination, normalized '
+            f"orbit of {self.name} at {self.epoch.iso[:16]} TDB from {'; '.join(self._kinds())}; normalized RMS "
             f"{self.normalized_rms:.3g}; relative to the Sun, ecliptic of J2000"
         )
         return text_table(caption, ["", "unit", "value", "sigma"], self._rows(), words=2)
@@ -168,3 +182,23 @@ class Fit:
 
         caption, *_ = repr(self).split("\n", 1)
         return html_table(caption, ["", "unit", "value", "sigma"], self._rows(), words=2)
+
+
+def telling_rejections(fit: Fit) -> Finding | None:
+    """Return what is told of observations that are rejected if they may show what the model lacks, otherwise None."""
+    rows = []
+    for _, kind, k, unit in MEASURED:
+        here = fit.observations.kind == kind
+        left = here & ~fit.used
+        if k == 0 and left.sum() > (MANY * here.sum() if kind == OPTICAL else 0):
+            off = np.linalg.norm(fit._found.residuals[left], axis=1).max()
+            most = f"by up to {off:.3g} {unit} (chi-squared {fit._found.chi2[left].max():.3g})"
+            rows.append(f"{left.sum():,} of {counted(int(here.sum()), KINDS[kind])}, {most}")
+    if not rows:
+        return None
+    return Finding(
+        f"observations of {fit.name} are rejected that may show what the model lacks:",
+        kind="observations rejected",
+        rows=rows,
+        remedy='Does it lack a force, such as parameters=["A2"]? Each is in fit.rejected.',
+    )

@@ -47,8 +47,7 @@ def parameters_of(system: System, names: Sequence[str]) -> tuple[Parameter, ...]
     Raises UnknownNameError for one that the system does not have, and InputError for one that two forces have, and for
     names that occur twice.
     """
-    if isinstance(names, str) or not isinstance(names, list | tuple):
-        raise InputError(f'parameters is {shown(names)}; expected a list of names, such as ["Ceres.gm"].')
+    require_list(names)
     if not names:
         return ()
     known = list(_known(system))
@@ -57,6 +56,12 @@ def parameters_of(system: System, names: Sequence[str]) -> tuple[Parameter, ...]
         if parameter in found[:k]:
             raise InputError(f"parameters names {parameter.name!r} twice; expected each once.")
     return found
+
+
+def require_list(names: Any) -> None:
+    """Raise InputError unless these are names in a list or a tuple."""
+    if not isinstance(names, list | tuple):
+        raise InputError(f'parameters is {shown(names)}; expected a list of names, such as ["Ceres.gm"].')
 
 
 def with_values(system: System, parameters: Sequence[Parameter], values: Sequence[float]) -> System:

@@ -11,13 +11,13 @@ from astropy.time import Time
 import orbits
 from orbits.ephemeris import AU_KM
 from orbits.errors import OrbitsWarning
-from orbits.fitting.arc import Arc
 from orbits.fitting.echoes import Echoes
 from orbits.fitting.fitted_orbit import _instruments
 from orbits.fitting.observations import Observations
 from orbits.observing.stations import stations
+from orbits.propagation.variations.arc import Arc
 
-from .skies import state
+from .skies import observed, start, state
 
 LIGHT, GM_OF_SUN = 299792.458, 132712440041.279419
 """km/s, km^3/s^2 (DE440)."""
@@ -128,3 +128,21 @@ def test_delays_to_a_surface_without_a_radius_are_told():
     given = Observations.parse("\n".join([KINDS, *(row.replace("|1|8560|1", "|1|8560|0") for row in ROWS)]))
     with pytest.warns(OrbitsWarning, match="delays of 433 were measured to its surface, whose radius is not given"):
         _instruments(given, system, "433")
+
+
+def test_radar_that_is_rejected_is_told():
+    """Four delays in an hour, of which one is half a millisecond longer than the others leave room for."""
+    rows = [f"433|253|253|2010-06-05T0{k}:00:00Z|97|1|||8560|1" for k in range(4)]
+    given = Observations.parse("\n".join([KINDS, *rows]))
+    echoes, arc = Echoes(given.records, given.time, start().epoch, 0.0), Arc(start(), "433")
+    seen = echoes.seen(*arc.states(state(start()), echoes.days), np.zeros(4))
+    for _ in range(2):
+        seen = echoes.seen(*arc.states(state(start()), echoes.days - seen.delay), seen.delay)
+    values = 1e-6 * seen.value + [0.0, 0.0, 5e-4, 0.0]
+    radar = Observations(tuple(one._replace(value=x) for one, x in zip(given.records, values, strict=True)))
+    with pytest.warns(OrbitsWarning, match=r"1 of 4 delays, by up to \d+ us .chi-squared [0-9e+.]+") as told:
+        fit = orbits.fit(observed(np.zeros((120, 2))) + radar, start())
+    assert "Does it lack a force, such as parameters=" in str(told[0].message)
+    assert np.flatnonzero(~fit.used).tolist() == [122]
+    assert "4 delays, 1 rejected, RMS 0." in repr(fit)
+    assert "4 delays, 1 rejected" in fit.plot().axes[0].get_title(loc="left")

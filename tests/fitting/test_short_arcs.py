@@ -76,8 +76,8 @@ def test_the_root_that_fits_best_is_taken_not_the_nearest_one():
     assert "More observations, of other nights, decide; or give a start" in text
 
 
-@each("days", [THREE, SIX])
-@each("seed", [2, 5, 6])
+@pytest.mark.parametrize("days", [THREE, SIX])
+@pytest.mark.parametrize("seed", [2, pytest.param(5, marks=pytest.mark.slow), pytest.param(6, marks=pytest.mark.slow)])
 def test_the_right_orbit_of_a_short_arc_is_found_or_in_the_warning(days, seed):
     rng = np.random.default_rng(100 + seed)
     orbit = (rng.uniform(0.9, 3.2), rng.uniform(0.0, 0.5), rng.uniform(0.5, 30.0), *rng.uniform(0.0, 360.0, 3))

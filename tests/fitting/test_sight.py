@@ -9,10 +9,10 @@ from astropy.time import Time
 
 import orbits
 from orbits.errors import IntegrationError
-from orbits.fitting.arc import Arc
 from orbits.fitting.record import Place, Record
 from orbits.fitting.sight import ARCSECONDS, Sight
 from orbits.observing.stations import stations
+from orbits.propagation.variations.arc import Arc
 from tests.fitting.skies import places, start
 
 MAS = 1e-3 / ARCSECONDS

@@ -27,7 +27,7 @@ from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import particle_of
 from orbits.system import System
 from orbits.system.model import model
-from orbits.system.parameters import parameters_of, with_values
+from orbits.system.parameters import GM, parameters_of, with_values
 
 Array = NDArray[np.float64]
 
@@ -101,6 +101,8 @@ class Arc:
         """Return the derivatives of positions and velocities by a parameter, (m, 6)."""
         for _ in range(3):  # until the difference is large enough, and not too large
             step = np.zeros_like(start)
+            if self.parameters[k].of == GM:  # masses are above 0
+                self._steps[k] = min(self._steps[k], 0.1 * start[6 + k])
             step[6 + k] = self._steps[k]
             before, after = (np.concatenate(self.states(start + x, times), axis=1) for x in (-step, step))
             moved = float(np.abs(after - before)[:, :3].max())
