@@ -148,9 +148,12 @@ def entry(
     time = _crossing(run, body, "Earth", time, above)
     at = np.array([time])
     q, v, _ = _relative(run, body, "Earth", at)
-    matrix = None if given is None else spread(run, given, at, ["Earth"])[0]
-    day = u.Quantity(1.0, system.units.time).to_value(u.day)
-    return Entry.of(body, dates(at), low, q[0] * scale / AU_KM, v[0] * scale / AU_KM / day, matrix)
+    au, day = scale / AU_KM, u.Quantity(1.0, system.units.time).to_value(u.day)
+    matrix = None
+    if given is not None:
+        each = np.repeat([au, au / day], 3)
+        matrix = spread(run, given, at, ["Earth"])[0] * np.outer(each, each)
+    return Entry.of(body, dates(at), low, q[0] * au, v[0] * au / day, matrix)
 
 
 def _subject(
