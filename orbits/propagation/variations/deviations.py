@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
+from orbits.propagation.resuming.marching_again import seen_by
 from orbits.propagation.variations.following import require_followable
 from orbits.propagation.variations.state_transition import state_transition_of
+from orbits.results.approaches import TURNING
+from orbits.results.covariance import Covariance, decomposed, in_units_of
 from orbits.system.parameters import parameters_of
 from orbits.time_grid import TimeGrid
 
@@ -22,6 +25,9 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+AT_END = 1e-12
+"""Of the length of a run: how near to its ends a passage is there."""
 
 
 class Uncertain(NamedTuple):
@@ -43,7 +49,6 @@ class Uncertain(NamedTuple):
         Raises InputError for what is no covariance of a state, and for a fit whose orbit is not the start of the run.
         """
         if hasattr(covariance, "system"):
-            body = covariance.name if body is None else body
             own = [x[covariance.system.names.index(covariance.name)] for x in covariance.system.values[1:3]]
             here = [x[index_of(covariance.name, system.names, "body")] for x in system.values[1:3]]
             if covariance.system.epoch != system.epoch or not np.array_equal(own, here):
@@ -54,14 +59,14 @@ class Uncertain(NamedTuple):
             covariance = covariance.covariance()
         if getattr(covariance, "form", "cartesian") != "cartesian":
             raise InputError(f"the covariance is {covariance.form}; expected one of the state: fit.covariance().")
-        parameters = tuple(getattr(covariance, "names", ())[6:])
+        own, parameters = getattr(covariance, "body", None), tuple(getattr(covariance, "names", ())[6:])
+        body = the_body(system, own if body is None else body)
         matrix, size = finite_numbers(getattr(covariance, "matrix", covariance), "covariance"), 6 + len(parameters)
-        if matrix.shape != (size, size) or (np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix).max()).any():
-            raise InputError(
-                f"covariance is {shown(covariance)}; expected a fit, its covariance(), or a symmetric (6, 6) matrix of "
-                "x, y, z, vx, vy, vz in the units and axes of the system."
-            )
-        return cls(the_body(system, body), matrix, parameters)
+        decomposed(matrix, size, "of x, y, z, vx, vy, vz in the units and axes of the system")
+        if isinstance(covariance, Covariance):
+            covariance.require_of(system, body)
+            matrix = in_units_of(system, covariance)
+        return cls(body, matrix, parameters)
 
 
 def the_body(system: System, body: str | None) -> str:
@@ -99,13 +104,23 @@ def spread(run: Trajectory, given: Uncertain, times: Array, others: Sequence[str
     return np.asarray(D @ given.matrix @ np.swapaxes(D, -1, -2))
 
 
+def turns(run: Trajectory, time: float, q: Array, v: Array) -> bool:
+    """Return whether the distance is least at a time, and not only at this end of the run; q, v : relative, (3,)."""
+    first, last = (float(run.clock.time(x)) for x in (0.0, seen_by(run).end))
+    at_an_end = min(abs(time - first), abs(time - last)) <= AT_END * max(abs(first), abs(last))
+    return not at_an_end or bool(abs(q @ v) <= TURNING * np.linalg.norm(q) * np.linalg.norm(v))
+
+
 def sigmas_of_passages(
     run: Trajectory, given: Uncertain, passages: Sequence[Passage]
-) -> list[tuple[float, float] | None]:
-    """Return the standard deviations of distance and time of passages, None for those of other bodies."""
+) -> list[tuple[float, float | None] | None]:
+    """Return the standard deviations of distance and time of passages, None for those of other bodies.
+
+    At the ends of the run, where a body still comes nearer or parts already, there is none of the time.
+    """
     place, gm = run.names.index(given.body), run.system.values.gm
     own = [k for k, one in enumerate(passages) if place in (one.body, one.other) and one.distance > 0.0]
-    out: list[tuple[float, float] | None] = [None] * len(passages)
+    out: list[tuple[float, float | None] | None] = [None] * len(passages)
     if not own:
         return out
     times = np.array([run.clock.time(passages[k].steps) for k in own])
@@ -118,6 +133,6 @@ def sigmas_of_passages(
         distance = float(np.linalg.norm(r))
         by_time = -np.concatenate([w, r]) / (w @ w - (gm[place] + gm[other]) / distance)
         by = np.array([np.concatenate([r / distance, np.zeros(3)]), by_time])
-        variances = np.diag(by @ matrices[i] @ by.T)
-        out[k] = (float(np.sqrt(variances[0])), float(np.sqrt(variances[1])))
+        distance, late = np.sqrt(np.diag(by @ matrices[i] @ by.T)).tolist()
+        out[k] = distance, late if turns(run, float(times[i]), r, w) else None
     return out
