@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from orbits.checks import whole_number
 from orbits.ensemble.members import MOST, Ensemble, Systems, among, numbered
 from orbits.errors import InputError, shown
+from orbits.propagation.variations.deviations import warn_of_range
 from orbits.results.covariance import Covariance, decomposed, in_units_of
 from orbits.system import System
 from orbits.system.new_bodies import primary_name
@@ -52,6 +53,7 @@ def clones(
         raise InputError(f"system is {shown(system)}; expected an orbits.System with the body to be cloned.")
     place, count = system.index(body), whole_number(count, "count", most=MOST)
     if hasattr(covariance, "system") and hasattr(covariance, "covariance"):
+        warn_of_range(covariance)
         covariance = covariance.covariance()
     if isinstance(covariance, Covariance):
         covariance.require_of(system, system.names[place])

@@ -4,7 +4,9 @@ wrong.
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +14,8 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
-from orbits.errors import InputError, UnknownNameError
-from orbits.propagation.variations.deviations import Uncertain
+from orbits.errors import InputError, OrbitsWarning, UnknownNameError
+from orbits.propagation.variations.deviations import Uncertain, warn_of_range
 from orbits.propagation.variations.encounters import _relative
 from orbits.results.chance import Chance, probability_in_disc
 from orbits.results.covariance import FORMS, Covariance
@@ -142,3 +144,66 @@ def test_a_covariance_is_of_the_orbit_that_it_is_given_for() -> None:
         orbits.target_plane(fall(), "Earth", covariance=wrong)
     with pytest.raises(InputError, match="negative eigenvalue"):
         fall().closest_approaches(covariance=wrong)
+
+
+def test_clones_that_hit_are_counted_and_those_of_which_it_is_not_known_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    members = orbits.ensemble.clones(falling(), "rock", covariance=C, count=5, seed=1)
+    how = {"workers": 1, "progress": False, "samples": 2}
+    campaign = orbits.ensemble.run(members, tmp_path / "whole", duration=2 * u.day, **how)
+    size = 6378.137 * u.km
+    assert orbits.ensemble.impact_probability(campaign, "earth", radius=size)[3:] == (5, 5)
+    with pytest.raises(UnknownNameError, match="Did you mean 'Earth'"):
+        orbits.ensemble.impact_probability(campaign, "Erth", radius=size)
+    for radius in (6378.137, 6378 * u.s, "large", None):
+        with pytest.raises(InputError, match=r"radius is .* expected a length"):
+            orbits.ensemble.impact_probability(campaign, "Earth", radius=radius)
+    early = orbits.ensemble.run(members, tmp_path / "early", duration=22 * u.h, **how)
+    with pytest.warns(OrbitsWarning, match="5 clones still come nearer to Earth at the end"):
+        assert orbits.ensemble.impact_probability(early, "Earth", radius=size)[3:] == (0, 5)
+    known = campaign.summary
+    known["state"][1:3] = "failed"
+    known["closest"][1:3] = np.inf * u.au
+    monkeypatch.setattr(orbits.ensemble.Campaign, "summary", known)
+    with pytest.warns(OrbitsWarning, match="2 clones failed or were lost before the end, and do not count"):
+        assert orbits.ensemble.impact_probability(campaign, "Earth", radius=size)[3:] == (3, 3)
+
+
+def test_clones_share_parameters_and_take_covariances_of_their_orbit() -> None:
+    names, units = zip(*FORMS["cartesian"], strict=True)
+    seven = Covariance("cartesian", (*names, "rock.A2"), (*units, u.au / u.day**2), np.zeros(7), np.eye(7), "rock")
+    with pytest.raises(InputError, match=r"parameters, rock\.A2"):
+        orbits.ensemble.clones(falling(), "rock", covariance=seven, count=2)
+    km = Covariance("cartesian", names, (u.km,) * 3 + (u.km / u.s,) * 3, np.zeros(6), np.eye(6), "rock")
+    members = orbits.ensemble.clones(falling(), "rock", covariance=km, count=50)
+    apart = u.Quantity(members.q[1:] - members.q[0], u.au).to_value(u.km)
+    assert 0.7 < apart.std() < 1.3  # of 150 draws
+    with pytest.raises(InputError, match="is of rock; expected one of Moon"):
+        orbits.ensemble.clones(falling(), "Moon", covariance=km, count=2)
+
+
+def test_a_fit_with_a_wide_range_is_told_of() -> None:
+    class Wide:
+        name = "rock"
+        range = ("one end", "the other")
+
+    with pytest.warns(OrbitsWarning, match="observations of rock are a wide range"):
+        warn_of_range(Wide())
+
+
+def test_a_run_that_cannot_be_followed_is_refused_at_once() -> None:
+    system = orbits.System.in_ephemeris(epoch="2020-01-01").add(
+        "rock", primary="Sun", a=2 * u.au, gm=1e-18 * u.au**3 / u.day**2
+    )
+    run = orbits.propagate(system, duration=1 * u.day, samples=2)
+    with pytest.raises(InputError, match="the variations of bodies with a mass"):
+        run.closest_approaches(covariance=C, body="rock")
+
+
+def test_an_entry_after_the_tables_of_the_earth_warns_once_in_words() -> None:
+    later = falling().replaced(epoch="2035-01-01")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        str(orbits.entry(orbits.propagate(later, duration=2 * u.day, samples=2)))
+    assert {one.category.__name__ for one in caught} == {"OrbitsWarning"}

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers
 from orbits.errors import InputError
+from orbits.finding import Finding
 from orbits.propagation.resuming.marching_again import seen_by
 from orbits.propagation.variations.following import require_followable
 from orbits.propagation.variations.state_transition import state_transition_of
@@ -56,17 +57,28 @@ class Uncertain(NamedTuple):
                     f"the run does not begin with the orbit of {covariance.name} that was fitted; expected a run of "
                     "fit.system, or a covariance at the start of this one."
                 )
+            warn_of_range(covariance)
             covariance = covariance.covariance()
         if getattr(covariance, "form", "cartesian") != "cartesian":
             raise InputError(f"the covariance is {covariance.form}; expected one of the state: fit.covariance().")
-        own, parameters = getattr(covariance, "body", None), tuple(getattr(covariance, "names", ())[6:])
-        body = the_body(system, own if body is None else body)
+        whose, parameters = getattr(covariance, "body", None), tuple(getattr(covariance, "names", ())[6:])
+        body = the_body(system, whose if body is None else body)
         matrix, size = finite_numbers(getattr(covariance, "matrix", covariance), "covariance"), 6 + len(parameters)
         decomposed(matrix, size, "of x, y, z, vx, vy, vz in the units and axes of the system")
         if isinstance(covariance, Covariance):
             covariance.require_of(system, body)
             matrix = in_units_of(system, covariance)
         return cls(body, matrix, parameters)
+
+
+def warn_of_range(fit: Any) -> None:
+    """Warn of a fit whose orbits are a wide range, of which its covariance has the middle alone."""
+    if fit.range:
+        Finding(
+            f"the orbits that fit the observations of {fit.name} are a wide range, which its covariance, linear, does "
+            "not tell: ellipses, sigmas and probabilities are those about one of them.",
+            remedy="fit.range has orbits from one end to the other: propagate these.",
+        ).warn()
 
 
 def the_body(system: System, body: str | None) -> str:
@@ -79,18 +91,27 @@ def the_body(system: System, body: str | None) -> str:
     return massless[0]
 
 
+def followed(run: Trajectory, given: Uncertain, times: Array) -> tuple[System, TimeGrid]:
+    """Return the system without other massless bodies, and the grid on which its variations are followed.
+
+    Raises InputError as `orbits.state_transition` does.
+    """
+    system, grid = run.system, TimeGrid(run.clock, times)
+    rest = [x for x, massive in zip(system.names, system.massive, strict=True) if not (massive or x == given.body)]
+    alone = system.remove(*rest) if rest else system
+    require_followable(alone, run.integrator, grid)
+    return alone, grid
+
+
 def spread(run: Trajectory, given: Uncertain, times: Array, others: Sequence[str] | None = None) -> Array:
     """Return the covariance of a body's states, (m, 6, 6).
 
     times : (m,), in the direction of the run; others : (m,), the bodies that the states are relative to
     Raises InputError as `orbits.state_transition` does.
     """
-    system, body = run.system, given.body
-    rest = [x for x, massive in zip(system.names, system.massive, strict=True) if not (massive or x == body)]
-    alone = system.remove(*rest) if rest else system
+    body = given.body
     ahead, place = np.unique(np.abs(times), return_inverse=True)
-    grid = TimeGrid(run.clock, ahead * run.clock.direction)
-    require_followable(alone, run.integrator, grid)
+    alone, grid = followed(run, given, ahead * run.clock.direction)
     by: dict[str, Any] = {"parameters": parameters_of(alone, given.parameters)} if given.parameters else {}
     found = state_transition_of(alone, run.integrator, grid, coupled=False, **by)
 
