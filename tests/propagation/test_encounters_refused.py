@@ -56,6 +56,8 @@ def test_a_run_that_ends_before_the_approach_has_none() -> None:
     early = orbits.propagate(falling(), duration=22 * u.h, samples=2)
     with pytest.raises(InputError, match="the run ends while rock still comes nearer to Earth"):
         orbits.target_plane(early, "Earth", covariance=C)
+    with pytest.raises(InputError, match="the run ends while rock still comes nearer to Earth"):
+        orbits.entry(early)
     passage = next(one for one in early.closest_approaches(covariance=C)["rock"] if one.other == "Earth")
     assert passage.time_sigma is None
     assert passage.distance_sigma > 0.0 * u.km

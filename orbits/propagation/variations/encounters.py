@@ -171,10 +171,14 @@ def entry(
         return height_and_vertical(fixed)[0] - low
 
     time = _closest(run, body, "Earth")
-    least = None if time is None else _relative(run, body, "Earth", np.array([time]))[0]
-    if time is None or least is None or above(np.array([time]), least)[0] > 0.0:
-        away = "not near it" if least is None else f"{np.linalg.norm(least) * scale:,.0f} km from its centre"
-        raise InputError(f"{body} does not come down to {low:g} km above the Earth: at its closest it is {away}.")
+    stays = f"{body} does not come down to {low:g} km above the Earth:"
+    if time is None:
+        raise InputError(f"{stays} in this run it is not near it.")
+    least, velocity, _ = _relative(run, body, "Earth", np.array([time]))
+    if above(np.array([time]), least)[0] > 0.0:
+        if not turns(run, time, least[0], velocity[0]):
+            raise InputError(_no_approach(run, body, "Earth", float(least[0] @ velocity[0])))
+        raise InputError(f"{stays} at its closest it is {np.linalg.norm(least) * scale:,.0f} km from its centre.")
     time = _crossing(run, body, "Earth", time, above)
     at = np.array([time])
     q, v, _ = _relative(run, body, "Earth", at)
