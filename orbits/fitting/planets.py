@@ -8,7 +8,7 @@ Source: Marquardt (1963), J. SIAM 11, 431.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
@@ -19,14 +19,14 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import index_of
+from orbits.checks import checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SystemsError, UnknownNameError, shown
-from orbits.fitting.correction import SINGULAR, covariance
+from orbits.fitting.correction import covariance
 from orbits.observing.measured import RadialVelocities, TransitTimes
-from orbits.propagation.planetary import ELEMENTS, Model, elements_of
+from orbits.propagation.planetary import ELEMENTS, MOST_E, Model, checked_start, elements_of, with_planets
 from orbits.results.covariance import Covariance
 from orbits.results.planet_fit import PlanetFit
-from orbits.system import System
 from orbits.time_grid import times_since
 
 Array = NDArray[np.float64]
@@ -37,9 +37,6 @@ USUAL = ELEMENTS[:5]
 OfPlanets = TransitTimes | RadialVelocities | Sequence[TransitTimes | RadialVelocities]
 """What is measured of a star and its planets."""
 
-GUESS = 3e-5
-"""The mass ratio from which a fit begins that is given the star alone: ten masses of the Earth to that of the Sun."""
-
 LEAST_MASS = 1e-12
 """The least mass ratio: a planet of which the measurements tell nothing does not converge."""
 
@@ -47,11 +44,21 @@ RELATIVE = np.array([True, True, True, False, False, False, False])
 FIRST_STEPS = (1e-2, 1e-7, 1e-6, 1e-5, 1e-5, 1e-4, 1e-4)
 """The first steps of differences: of the mass ratio relative to it, of P and t0 relative to P, of others as such."""
 
-STEP = 0.01
-"""By how much later ones change the residuals, in sigmas: derivatives are then within a per cent, a tenth as a rule."""
+STEP, MOST_LARGER = 0.01, 100.0
+"""By how much later ones change the residuals, in sigmas, for derivatives within a per cent, a tenth as a rule; and how
+many times the first ones they are at most.
+"""
 
 CONVERGED = 1e-2
 """A step of so many of its own sigmas, in each parameter, is the last one."""
+
+SINGULAR = 1e-5
+"""Directions whose derivatives are smaller than this, relative to the largest, are not determined: so well are
+differences known.
+"""
+
+WIDEST = (1.0, 1.0, 1.0, 1.0, 1.0, np.pi, np.pi)
+"""The sigmas of parameters that are not determined: all that they can be, P and t0 relative to P."""
 
 MOST_STEPS = 100
 MOST_DAMPING = 1e10
@@ -62,7 +69,8 @@ class Problem:
     """What is fitted: some elements of the planets, and a zero of each instrument.
 
     start : elements, (planets, 7); free : which of them are fitted; measured, sigma : (m,); zeros : (m, instruments), 1
-    where an instrument measured; steps : of the differences, (parameters,), those of the last derivatives
+    where an instrument measured; steps : of the differences, (parameters,), those of the last derivatives,
+    and largest, at most; widest : sigmas of what is not determined; labels : the names of the parameters
     """
 
     model: Model
@@ -72,6 +80,9 @@ class Problem:
     sigma: Array
     zeros: Array
     steps: Array
+    largest: Array
+    widest: Array
+    labels: Sequence[str]
 
     @property
     def count(self) -> int:
@@ -84,10 +95,29 @@ class Problem:
         out[self.free] = x[: self.count]
         return out
 
+    def folded(self, x: Array) -> Array:
+        """Return parameters of the same motion, with each t0 the transit nearest to the epoch."""
+        now = self.elements(x)
+        now[:, 2] -= now[:, 1] * np.rint(now[:, 2] / now[:, 1])
+        return np.append(now[self.free], x[self.count :])
+
+    def check_sigmas(self, slopes: Array) -> None:
+        """Raise ConvergenceError if a parameter may be anything, by the derivatives of the residuals."""
+        share = np.sqrt(np.diag(covariance(slopes)))[: self.count] / self.widest
+        if share.max(initial=0.0) > 1.0:
+            raise self.undetermined(int(share.argmax()))
+
+    def undetermined(self, number: int) -> ConvergenceError:
+        """Return the error for a parameter that is not determined."""
+        return ConvergenceError(
+            f"the measurements do not determine all parameters, least {self.labels[number]}; fit fewer: elements=[...]."
+        )
+
     def residuals(self, x: Array) -> Array:
         """Return measured less computed, in sigmas; infinite where there is no such motion."""
         now, nothing = self.elements(x), np.full(len(self.sigma), np.inf)
-        if (np.hypot(now[:, 3], now[:, 4]) >= 1.0).any() or (now[:, 0] < LEAST_MASS).any():
+        mass, P, _, k, h, inc, _ = now.T
+        if not ((np.hypot(k, h) <= MOST_E) & (mass >= LEAST_MASS) & (P > 0.0) & (abs(inc / np.pi - 0.5) <= 0.5)).all():
             return nothing
         try:
             off = (self.measured - self.model.computed([now])[0] - self.zeros @ x[self.count :]) / self.sigma
@@ -101,8 +131,10 @@ class Problem:
         shifts[1:, : self.count] = np.diag(self.steps)
         here, *moved = self.model.computed([self.elements(x + shift) for shift in shifts])
         by_elements = (here - np.array(moved)).T / self.steps / self.sigma[:, None]
+        if not np.isfinite(by_elements).all():
+            raise ConvergenceError("the fit comes to where a planet does not transit; begin nearer, or fit less.")
         size = np.linalg.norm(by_elements, axis=0)
-        self.steps = np.where(size > 0.0, STEP / np.where(size > 0.0, size, 1.0), self.steps)
+        self.steps = np.minimum(STEP / np.maximum(size, 1e-300), self.largest)
         return np.concatenate([by_elements, -self.zeros / self.sigma[:, None]], axis=1)
 
     def solved(self) -> tuple[Array, Array, Array]:
@@ -114,7 +146,7 @@ class Problem:
             scale = np.linalg.norm(slopes, axis=0)
             left, sizes, right = np.linalg.svd(slopes / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
             if not sizes[-1] > SINGULAR * sizes[0]:
-                raise ConvergenceError("the measurements do not determine all parameters; fit fewer: elements=[...].")
+                raise self.undetermined(int(np.abs(right[-1]).argmax()))
             parts = left.T @ off  # what an undamped step would take off
             step = right.T @ (sizes / (sizes**2 + damping) * parts) / scale
             found = self.residuals(x - step)
@@ -122,14 +154,18 @@ class Problem:
             last = np.linalg.norm(parts) < CONVERGED * np.sqrt(len(x))
             if last or gain > 0.0:
                 if gain > 0.0:
-                    x, off, slopes = x - step, found, slopes if last else self.derivatives(x - step)
+                    x, off = x - step, found
                 if last:
+                    self.check_sigmas(slopes)
                     return x, off, slopes
+                x = self.folded(x)
+                slopes = self.derivatives(x)
                 damping *= 0.1 if gain > 0.5 * promised else 1.0
             elif damping > MOST_DAMPING:
                 break
             else:
                 damping *= 10.0
+        self.check_sigmas(slopes)
         raise ConvergenceError("the fit of the planets does not converge; begin nearer to it, or fit fewer parameters.")
 
 
@@ -168,22 +204,23 @@ def fit_planets(
     jitter : what is added in quadrature to the sigmas of radial velocities, a speed, or one by instrument
     interacting : False lets each planet move alone with the star, on Kepler's orbit, and adds what they do to it
 
-    Raises InputError for other systems, and if the planets do not pass near the times of transits; UnknownNameError for
-    an unknown planet, element or instrument; ConvergenceError if the fit does not converge, or if the measurements do
-    not determine its parameters.
+    Raises InputError for other systems, if planets do not pass near the times of transits, and if they go round more
+    or less often between them than their numbers say; UnknownNameError for an unknown planet, element or instrument;
+    ConvergenceError if the fit does not converge, or if the measurements do not determine its parameters.
     """
     for name in others:
         raise unknown_argument(fit_planets, name)
+    checked_flag(interacting, "interacting")
     several: Any = observations if isinstance(observations, list | tuple) else [observations]
     transits: TransitTimes | None = _together(one for one in several if isinstance(one, TransitTimes))
     velocities: RadialVelocities | None = _together(one for one in several if isinstance(one, RadialVelocities))
-    system = _checked(_with_planets(system, transits))
+    system = checked_start(with_planets(system, transits))
     planets = system.names[1:]
     free = _free(elements, planets)
     none = np.zeros(0)
     since = none if transits is None else times_since(system, transits.time, "times")
     at = none if velocities is None else times_since(system, velocities.time, "times")
-    names = () if transits is None else transits.planet
+    names = () if transits is None else transits.planet.tolist()
     planet = np.array([index_of(name, planets, "planet") + 1 for name in names], dtype=np.int64)
     numbers = np.arange(1, len(planets) + 1)
     model = Model(system, since, planet, at, (numbers,) if interacting else tuple(numbers[:, None]))
@@ -194,23 +231,31 @@ def fit_planets(
     if velocities is not None:
         instruments = np.array(velocities.instruments)
         measured = np.concatenate([since, velocities.velocity.value])
-        sigma = np.concatenate([sigma, np.hypot(velocities.sigma.value, _jitter(velocities, jitter))])
+        sigma = np.concatenate([sigma, np.hypot(velocities.sigma.value, velocities.each(jitter, "jitter"))])
         own = (velocities.instrument[:, None] == instruments).astype(np.float64)
         zeros = np.concatenate([np.zeros((len(since), len(instruments))), own])
-    count = int(free.sum()) + len(instruments)
-    if len(sigma) < count:
-        raise InputError(f"{len(sigma)} measurements do not determine {count} parameters.")
-    start = elements_of(system)
-    steps = (np.array(FIRST_STEPS) * np.where(RELATIVE, start[:, [0, 1, 1, 3, 4, 5, 6]], 1.0))[free]
-    problem = Problem(model, start, free, measured, sigma, zeros, steps)
-    if np.isnan(model.computed([start])).any():
-        raise InputError(
-            "the planets of the start do not pass in front of the star near all times of transits; expected periods "
-            "and transits as orbits.TransitTimes.linear has them, with inc=90 * u.deg, frame='sky', or the star alone."
-        )
-    x, off, white = problem.solved()
+    elif jitter is not None:
+        raise InputError(f"jitter is {shown(jitter)}, but there are no radial velocities.")
     labels = [f"{planets[i]}.{ELEMENTS[k]}" for i, k in np.argwhere(free)]
     labels += [f"{name}.offset" for name in instruments]
+    if not 0 < len(labels) <= len(sigma):
+        raise InputError(f"{len(sigma)} measurements do not determine {len(labels)} parameters; expected 1 to as many.")
+    start = elements_of(system)
+    steps = (np.array(FIRST_STEPS) * np.where(RELATIVE, start[:, [0, 1, 1, 3, 4, 5, 6]], 1.0))[free]
+    widest = (np.array(WIDEST) * np.where([False, True, True, False, False, False, False], start[:, 1:2], 1.0))[free]
+    problem = Problem(model, start, free, measured, sigma, zeros, steps, MOST_LARGER * steps, widest, labels)
+    missed = np.isnan(model.computed([start])[0])
+    if transits is not None and missed.any():
+        k = int(np.flatnonzero(missed)[0])
+        raise InputError(
+            f"planet {transits.planet[k]} of the start does not pass in front of the star near {transits.time[k].iso} "
+            "TDB; expected periods and transits as orbits.TransitTimes.linear has them, inc=90 * u.deg, frame='sky'."
+        )
+    x, off, white = problem.solved()
+    if transits is not None:
+        P = u.Quantity(problem.elements(x)[:, 1], system.units.time).to_value(u.day)
+        for name in transits.planets:
+            transits.check_orbits(name, P[index_of(name, planets)])
     of = {"P": system.units.time, "t0": system.units.time, "inc": u.rad, "Omega": u.rad, "offset": u.m / u.s}
     units = tuple(of.get(label.rsplit(".", 1)[1], u.one) for label in labels)
     best = Covariance("planetary", tuple(labels), units, x, covariance(white))
@@ -222,31 +267,6 @@ def _together(measured: Iterable[Any]) -> Any:
     """Return several sets of measurements as one, None without any."""
     sets = list(measured)
     return reduce(add, sets) if sets else None
-
-
-def _with_planets(system: Any, transits: TransitTimes | None) -> Any:
-    """Return the system of a star alone with planets on circular orbits through the transits."""
-    if transits is None or not isinstance(system, System) or len(system) != 1 or system.epoch is None:
-        return system
-    for name in sorted(transits.planets, key=lambda name: transits.linear(name).period):
-        t0, P = transits.linear(name)
-        M = (0.25 - (t0 - system.epoch.jd) / P) % 1.0 * 360.0 * u.deg  # from the node
-        orbit = {"P": P * u.day, "inc": 90.0 * u.deg, "M": M}
-        system = system.add(name, gm=GUESS * system.gm[0], primary="jacobi", frame="sky", **orbit)
-    return system
-
-
-def _checked(system: Any) -> System:
-    """Return a system of a star and its planets. Raises InputError for anything else."""
-    if not isinstance(system, System) or len(system) < 2 or system.epoch is None or not system.units.is_physical:
-        raise InputError(
-            f"system is {shown(system)}; expected the star and its planets about where they are: "
-            'orbits.System.from_elements({...}, epoch=..., frame="sky").'
-        )
-    gm = system.values.gm
-    if gm[0] != gm.max() or not (gm > 0.0).all():
-        raise InputError("the star is to be the first body of the system, and all planets need a mass, if a guess.")
-    return system
 
 
 def _free(elements: Sequence[str], planets: Sequence[str]) -> NDArray[np.bool_]:
@@ -261,15 +281,3 @@ def _free(elements: Sequence[str], planets: Sequence[str]) -> NDArray[np.bool_]:
             )
         free[[planets.index(planet[0])] if planet else slice(None), ELEMENTS.index(element)] = True
     return free
-
-
-def _jitter(velocities: RadialVelocities, jitter: Any) -> Array:
-    """Return the jitter of each velocity, m/s. Raises InputError and UnknownNameError."""
-    of = jitter if isinstance(jitter, Mapping) else dict.fromkeys(velocities.instruments, jitter)
-    for name in of:
-        index_of(name, velocities.instruments, "instrument")
-    speed = [0.0 if of.get(name) is None else of[name] for name in velocities.instrument]
-    try:
-        return np.array([float(u.Quantity(x, u.m / u.s).value) for x in speed])
-    except (u.UnitConversionError, TypeError, ValueError):
-        raise InputError(f"jitter is {shown(jitter)}; expected a speed, such as 3 * u.m / u.s, or a dict.") from None

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from astropy import units as u
+from numpy.typing import NDArray
 
 from orbits.body_names import index_of
+from orbits.checks import finite_number
 from orbits.errors import InputError, shown
 from orbits.observing.placing import barycentre
 from orbits.time_grid import times_since
@@ -15,6 +17,8 @@ from orbits.units import SOLAR
 
 if TYPE_CHECKING:
     from orbits.protocols import Run
+
+Array = NDArray[np.float64]
 
 
 class LineOfSight(NamedTuple):
@@ -25,7 +29,7 @@ class LineOfSight(NamedTuple):
     z: float
 
     def __str__(self) -> str:
-        return f"an observer at infinity towards ({self.x:.6g}, {self.y:.6g}, {self.z:.6g})"
+        return f"an observer at infinity towards ({', '.join(f'{x + 0.0:.6g}' for x in self)})"
 
 
 SKY = LineOfSight(0.0, 0.0, 1.0)
@@ -42,10 +46,22 @@ def along(inc: Any = 0.0, node: Any = 0.0) -> LineOfSight:
     node : longitude in that plane, from x, at which bodies come through the plane of the sky, towards the observer: a
         body at the longitude node + 90 degrees is nearest to the observer
 
-    The observer is at (-sin(node) sin(inc), cos(node) sin(inc), cos(inc)). Raises InputError for other units.
+    The observer is at (-sin(node) sin(inc), cos(node) sin(inc), cos(inc)). Raises InputError for other units,
+    and for arrays.
     """
-    i, longitude = (float(SOLAR.angle_value(x, what)) for x, what in ((inc, "inc"), (node, "node")))
-    return LineOfSight(-np.sin(longitude) * np.sin(i), np.cos(longitude) * np.sin(i), np.cos(i))
+    angles = {"inc": inc, "node": node}
+    i, longitude = (finite_number(SOLAR.angle_value(x, what), what) for what, x in angles.items())
+    x, y, z = -np.sin(longitude) * np.sin(i), np.cos(longitude) * np.sin(i), np.cos(i)
+    return LineOfSight(float(x + 0.0), float(y), float(z))  # no zero with a sign
+
+
+def arrived(way: Array, speed: Array, towards: Array, delay: float) -> Array:
+    """Return where bodies appear, (..., 3), whose light arrives with that of the origin: from a place nearer to the
+    observer it left later.
+
+    delay : the time that light takes for a unit of length
+    """
+    return np.asarray(way + delay * (way @ towards)[..., None] * speed)
 
 
 def line_of_sight(given: Any, what: str) -> LineOfSight:

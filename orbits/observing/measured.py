@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from os import PathLike
 from pathlib import Path
 from typing import Any, Self
@@ -13,9 +13,9 @@ from astropy import units as u
 from astropy.time import Time
 from numpy.typing import NDArray
 
-from orbits.body_names import few
+from orbits.body_names import few, index_of
 from orbits.errors import InputError, UnknownNameError, counted, shown
-from orbits.observing.transits import Linear, counted_transits
+from orbits.observing.transits import Linear, counted_transits, orbits_between
 
 Array = NDArray[np.float64]
 
@@ -31,10 +31,11 @@ class TransitTimes:
     """Times of the transits of planets: the middles, where planet and star are closest on the sky.
 
     planet : names, (m,), or one for all; time : (m,), a Time, or Julian dates, TDB; sigma : their uncertainties, times
-    number : of each transit of its planet, (m,); by default counted by the median interval of each planet
+    number : of each transit of its planet, (m,), whole; by default, and where all of a planet are NaN, they are counted
+        by the longest period of which all intervals are whole numbers, to a twentieth
 
-    times["b"] are those of one planet, times + others all of both. Raises InputError for other shapes, and for numbers
-    of a planet that are not in the order of its times.
+    times["b"] are those of one planet, times + others all of both, counted anew. Raises InputError for other shapes, if
+    numbers of a planet do not increase with its times, and if there is no such period.
     """
 
     planet: Any
@@ -44,14 +45,17 @@ class TransitTimes:
 
     def __post_init__(self) -> None:
         _made(self, "planet", {"sigma": u.day})
-        number = np.zeros(len(self), dtype=np.int64) if self.number is None else np.array(self.number, dtype=np.int64)
+        number = _whole_numbers(self.number, len(self))
+        counted_here = np.isnan(number)
         for name in self.planets:
             rows = np.flatnonzero(self.planet == name)[np.argsort(self.time.jd[self.planet == name])]
-            if self.number is None:
-                number[rows] = counted_transits(self.time.jd[rows])
-            elif number.shape != self.time.shape or (np.diff(number[rows]) <= 0).any():
-                raise InputError(f"the numbers of the transits of {name!r} do not increase with their times.")
-        object.__setattr__(self, "number", number)
+            if counted_here[rows].all():
+                number[rows] = counted_transits(self.time.jd[rows], name)
+            elif not (np.diff(number[rows]) > 0.0).all():
+                lack = "; some have none" if counted_here[rows].any() else ""
+                raise InputError(f"the numbers of the transits of {name!r} do not increase with their times{lack}.")
+        object.__setattr__(self, "number", number.astype(np.int64))
+        object.__setattr__(self, "_counted", counted_here)
 
     @classmethod
     def read(
@@ -91,6 +95,18 @@ class TransitTimes:
         """Return the linear ephemeris of a planet with the least squares: t0 (Julian date, TDB) and period, days."""
         one = self[planet]
         return Linear.of(one.number, one.time.jd, one.sigma.value)
+
+    def check_orbits(self, planet: str, period: float) -> None:
+        """Raise InputError unless a planet with about this period, days, goes round as often as its numbers say."""
+        one = self[planet]
+        order = np.argsort(one.time.jd)
+        number, (found, _) = one.number[order], orbits_between(one.time.jd[order], period)
+        for k in np.flatnonzero(np.diff(number) != found)[:1]:
+            raise InputError(
+                f"between the transits {number[k]} and {number[k + 1]} of {planet!r} are {found[k]} orbits with the "
+                f"period {period:.6g} d, not {number[k + 1] - number[k]}; begin with about the period "
+                f"{self.linear(planet).period:.6g} d, or give other numbers."
+            )
 
     def __len__(self) -> int:
         return len(self.planet)
@@ -153,6 +169,21 @@ class RadialVelocities:
         """The names of the instruments, in the order in which they appear."""
         return tuple(dict.fromkeys(self.instrument.tolist()))
 
+    def each(self, speed: Any, what: str) -> Array:
+        """Return a speed, m/s, for each: one of all, or by instrument, 0 where there is none. Raises InputError, and
+        UnknownNameError.
+        """
+        given = speed if isinstance(speed, Mapping) else dict.fromkeys(self.instruments, speed)
+        of = {self.instruments[index_of(name, self.instruments, "instrument")]: x for name, x in given.items()}
+        try:
+            values = {name: float(u.Quantity(0.0 if x is None else x, u.m / u.s).value) for name, x in of.items()}
+            if not all(np.isfinite(x) and x >= 0.0 for x in values.values()):
+                raise ValueError
+        except (u.UnitConversionError, TypeError, ValueError):
+            got = shown(speed)
+            raise InputError(f"{what} is {got}; expected a speed >= 0, such as 3 * u.m / u.s, or a dict.") from None
+        return np.array([values.get(name, 0.0) for name in self.instrument.tolist()])
+
     def __len__(self) -> int:
         return len(self.instrument)
 
@@ -168,9 +199,18 @@ class RadialVelocities:
 
 def _made(one: Any, named: str, figures: Mapping[str, u.UnitBase]) -> None:
     """Check and convert the fields of measurements in place. Raises InputError."""
+    for what in ("time", *figures):
+        if _masked(getattr(one, what)):
+            raise InputError(f"{what} has masked values; leave these measurements out.")
     time = one.time.tdb if isinstance(one.time, Time) else Time(np.asarray(one.time, float), format="jd", scale="tdb")
     time = time.reshape(-1)
-    made = {named: np.array(np.broadcast_to(np.asarray(getattr(one, named), dtype=str), time.shape)), "time": time}
+    try:
+        names = np.array(np.broadcast_to(np.asarray(getattr(one, named), dtype=str), time.shape))
+    except ValueError:
+        names = np.zeros(0, dtype=str)
+    if names.shape != time.shape or _masked(getattr(one, named)) or (names == "").any():
+        raise InputError(f"{named} is {shown(getattr(one, named))}; expected a name, or one for each of {time.size}.")
+    made = {named: names, "time": time}
     for what, unit in figures.items():
         try:
             given = u.Quantity(getattr(one, what), unit)
@@ -186,13 +226,38 @@ def _made(one: Any, named: str, figures: Mapping[str, u.UnitBase]) -> None:
         object.__setattr__(one, what, value)
 
 
+def _whole_numbers(given: Any, size: int) -> Array:
+    """Return the numbers of transits, (m,), NaN where there are none. Raises InputError."""
+    try:
+        number = np.array(np.broadcast_to(np.nan, size) if given is None else given, dtype=np.float64)
+    except (TypeError, ValueError):
+        number = np.zeros(0)
+    whole = np.isnan(number) | (np.isfinite(number) & (number == np.rint(number)))
+    if number.shape != (size,) or _masked(given) or not whole.all():
+        raise InputError(f"number is {shown(given)}; expected {size} whole numbers.")
+    return number
+
+
+def _masked(given: Any) -> bool:
+    """Return whether any of what is given is masked."""
+    return bool(np.any(getattr(given, "mask", False)))
+
+
+def _fields(one: Any) -> list[Any]:
+    """Return what measurements are made of; numbers of transits that were counted as NaN."""
+    values = [getattr(one, field.name) for field in fields(one)]
+    if isinstance(one, TransitTimes):
+        values[-1] = np.where(vars(one)["_counted"], np.nan, one.number)
+    return values
+
+
 def _some(one: Any, named: str, name: str) -> list[Any]:
     """Return the fields of the measurements with a name. Raises UnknownNameError."""
     rows = getattr(one, named) == name
     if not rows.any():
         known = few(list(dict.fromkeys(getattr(one, named).tolist())))
         raise UnknownNameError(f"there is no {named} {shown(name)}; expected one of {known}.")
-    return [value[rows] for value in vars(one).values()]
+    return [value[rows] for value in _fields(one)]
 
 
 def _joined(one: Any, other: Any) -> list[Any]:
@@ -200,7 +265,7 @@ def _joined(one: Any, other: Any) -> list[Any]:
     if type(other) is not type(one):
         raise InputError(f"{type(one).__name__} and {shown(other)} cannot be joined; give a fit both in a list.")
     joined = []
-    for a, b in zip(vars(one).values(), vars(other).values(), strict=True):
+    for a, b in zip(_fields(one), _fields(other), strict=True):
         if isinstance(a, Time):
             joined.append(Time(np.append(a.jd1, b.jd1), np.append(a.jd2, b.jd2), format="jd", scale="tdb"))
         else:
@@ -236,6 +301,10 @@ def _columns(
             bad.append(f"line {number}: {counted(len(words), 'column')}")
         elif not_numbers:
             bad.append(f"line {number}: {not_numbers[0]!r} is no number")
+        elif not float(of.get("sigma", 1.0)) > 0.0:
+            bad.append(f"line {number}: sigma {of['sigma']} is not above zero")
+        elif float(of.get("number", 0)) % 1.0:
+            bad.append(f"line {number}: number {of['number']} is not whole")
         else:
             rows.append(of)
     if bad or not rows:

@@ -10,9 +10,11 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.errors import InputError, shown
 from orbits.observing.line_of_sight import SKY
+from orbits.observing.measured import TransitTimes
 from orbits.observing.placing import barycentre
-from orbits.observing.transits import mid_transits
+from orbits.observing.transits import mean_anomaly, mid_transits
 from orbits.propagation.run import propagate
 from orbits.system import System
 
@@ -24,6 +26,12 @@ ELEMENTS = ("mass_ratio", "P", "t0", "ecosw", "esinw", "inc", "Omega")
 transit nearest to it; e cos and e sin omega; inclination and node, radians, in the frame of the sky. They are those of
 the osculating orbit about the centre of mass of the bodies before it. Times are in the unit of the system.
 """
+
+GUESS = 3e-5
+"""The mass ratio from which a fit begins that is given the star alone: ten masses of the Earth to that of the Sun."""
+
+MOST_E = 0.999
+"""Orbits with a larger e are not sought."""
 
 TOWARDS = np.array(SKY)
 
@@ -71,20 +79,47 @@ class Model:
         for number in planets:
             mass, P, t0, k, h, inc, Omega = elements[number - 1]
             e, omega = np.hypot(k, h), np.arctan2(h, k)
-            M = mean_anomaly_of_transit(e, omega) - 2.0 * np.pi * t0 / P
+            M = mean_anomaly(e, 0.5 * np.pi - omega) - 2.0 * np.pi * t0 / P
             own = {"P": P, "e": e, "inc": inc, "Omega": Omega, "omega": omega, "M": M}
             bodies[self.system.names[number]] = {"gm": mass * gm, "primary": "jacobi", **own}
         made = System.from_elements(bodies, epoch=self.system.epoch, units=self.system.units, frame="sky")
         others = [name for name in self.system.names if name not in bodies]
         alone = self.system.remove(*others) if others else self.system
-        return alone.replaced(gm=made.values.gm, q=made.values.q, v=made.values.v)
+        gm, q, v = made.values[:3]
+        begun = self.system.values
+        shift = (barycentre(begun.gm, x[None]) - barycentre(gm, y[None]) for x, y in ((begun.q, q), (begun.v, v)))
+        q, v = (x + by for x, by in zip((q, v), shift, strict=True))
+        return alone.replaced(gm=gm, q=q, v=v)
 
 
-def mean_anomaly_of_transit(e: Any, omega: Any) -> Any:
-    """Return the mean anomaly where omega + f is 90 degrees, radians."""
-    f = 0.5 * np.pi - omega
-    E = 2.0 * np.arctan2(np.sqrt(1.0 - e) * np.sin(0.5 * f), np.sqrt(1.0 + e) * np.cos(0.5 * f))
-    return E - e * np.sin(E)
+def with_planets(system: Any, transits: TransitTimes | None) -> Any:
+    """Return the system of a star alone with planets on circular orbits through the transits."""
+    if transits is None or not isinstance(system, System) or len(system) != 1 or system.epoch is None:
+        return system
+    for name in sorted(transits.planets, key=lambda name: transits.linear(name).period):
+        t0, P = transits.linear(name)
+        if not P > 0.0:
+            raise InputError(f"one transit of {name!r} does not tell its period; give the star with its planets.")
+        M = (0.25 - (t0 - system.epoch.jd) / P) % 1.0 * 360.0 * u.deg  # from the node
+        orbit = {"P": P * u.day, "inc": 90.0 * u.deg, "M": M}
+        system = system.add(name, gm=GUESS * system.gm[0], primary="jacobi", frame="sky", **orbit)
+    return system
+
+
+def checked_start(system: Any) -> System:
+    """Return a system of a star and its planets. Raises InputError for anything else."""
+    if not isinstance(system, System) or len(system) < 2 or system.epoch is None or not system.units.is_physical:
+        raise InputError(
+            f"system is {shown(system)}; expected the star and its planets about where they are: "
+            'orbits.System.from_elements({...}, epoch=..., frame="sky").'
+        )
+    gm = system.values.gm
+    if gm[0] != gm.max() or not (gm > 0.0).all():
+        raise InputError("the star is to be the first body of the system, and all planets need a mass, if a guess.")
+    for name, e in zip(system.names[1:], system.elements("jacobi", frame="sky").e.value, strict=True):
+        if not e <= MOST_E:
+            raise InputError(f"{name} of the start has e = {e:.6g}; expected at most {MOST_E}.")
+    return system
 
 
 def states(systems: Sequence[System], times: Array) -> tuple[Array, Array]:
@@ -108,6 +143,6 @@ def elements_of(system: System) -> Array:
     omega, M, inc, Omega = (x.to_value(u.rad) for x in (found.omega, found.M, found.inc, found.Omega))
     e = found.e.value
     P, gm = found.P.to_value(system.units.time), system.values.gm
-    ahead = mean_anomaly_of_transit(e, omega) - M
+    ahead = mean_anomaly(e, 0.5 * np.pi - omega) - M
     t0 = P * ((ahead / (2.0 * np.pi) + 0.5) % 1.0 - 0.5)
     return np.stack([gm[1:] / gm[0], P, t0, e * np.cos(omega), e * np.sin(omega), inc, Omega], axis=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 class PlanetFit:
     """A planetary system that was fitted to times of transits and radial velocities.
 
-    system : at its epoch; a run from it is the fitted motion. Its terms and radii are those of the start
+    system : at its epoch; a run from it is the fitted motion. Its terms and radii are those of the start: a star alone
+        gives planets without radii, which fit.system.replaced(radii=...) adds
     transits, velocities : the measurements, None without them
     parameters : names, units, values, sigma, matrix (the covariance) and correlation of what was fitted: that of the
         measurements as they are weighted, not scaled by chi-squared. Mass ratios are those to the star; P, t0 (after
@@ -117,18 +118,23 @@ class PlanetFit:
         return of_fit(self)
 
     def __repr__(self) -> str:
-        return text_table(self._caption(), ["", "unit", "value", "sigma"], self.parameters.rows(), words=2)
+        return text_table(self._caption(), ["", "unit", "value", "sigma"], self._rows(), words=2)
 
     def _repr_html_(self) -> str:
         from orbits.export import html_table
 
-        return html_table(self._caption(), ["", "unit", "value", "sigma"], self.parameters.rows(), words=2)
+        return html_table(self._caption(), ["", "unit", "value", "sigma"], self._rows(), words=2)
+
+    def _rows(self) -> list[list[str]]:
+        rows = self.parameters.rows()
+        return [[name, f"{unit} after the epoch" if name.endswith(".t0") else unit, *x] for name, unit, *x in rows]
 
     def _caption(self) -> str:
         known = [] if self.transits is None else [counted(len(self.transits), "transit")]
         known += [] if self.velocities is None else [f"{len(self.velocities):,} radial velocities"]
+        epoch: Any = self.system.epoch
         planets = f"{counted(len(self.system) - 1, 'planet')} of {self.system.names[0]}"
         return (
-            f"{planets} at {date_text(self.system.epoch, 16)} TDB from {' and '.join(known)}; "
+            f"{planets} at {date_text(epoch, 19)} TDB (JD {float(epoch.tdb.jd)!r}) from {' and '.join(known)}; "
             f"chi-squared {self.chi2:.6g}, {self.degrees_of_freedom:,} degrees of freedom"
         )

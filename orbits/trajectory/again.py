@@ -256,19 +256,19 @@ class MarchedAgain:
         run: Trajectory = self  # type: ignore[assignment]
         return radial_velocity_of(run, body, along, times)
 
-    def transits(self, body: str, along: LineOfSight = SKY, star: str | None = None) -> QTable:
+    def transits(self, body: str, along: LineOfSight | None = None, star: str | None = None) -> QTable:
         """Return a table of the transits of a body that `orbits.events.Transit` found, as seen from infinity.
 
             run = orbits.propagate(system, ..., events=orbits.events.Transit("b", "star", observer=orbits.along()))
             print(run.transits("b"))
 
-        body : its name; along : the line of sight of the event; star : the body behind it, if it passes several
+        body : its name; along, star : the line of sight and the body behind it, if there are several such events
 
         The columns are number, date (TDB, if there is an epoch) and time of the middle, where both are closest on the
         sky; duration, from first to fourth contact, and full_duration, from second to third (NaN without them);
         impact_parameter, the least distance in radii of the star; and o_minus_c, the time less that of the linear
         ephemeris with the least squares, whose t0 (a time since the epoch) and period are in its meta.
-        Raises InputError if there are no transits, or if they were sought along another line; UnknownNameError.
+        Raises InputError if there are no transits, or those of several events; UnknownNameError.
         """
         from orbits.observing.transits import transits_of
 

@@ -89,12 +89,17 @@ class Events(Sequence[FoundEvent]):
     system : at the start of the run
     words : for each function whose zeros were sought, what they are called where it falls and where it rises
     rows : (n, 8), see `TIME`
+    views : for each function the number of its event, the observer, None without one, and whether it is apparent
     """
 
     def __init__(
-        self, system: System | None = None, words: Sequence[Sequence[str | None]] = (), rows: Any = ()
+        self,
+        system: System | None = None,
+        words: Sequence[Sequence[str | None]] = (),
+        rows: Any = (),
+        views: Sequence[tuple[int, Any, bool]] = (),
     ) -> None:
-        self._system, self._words = system, [tuple(pair) for pair in words]
+        self._system, self._words, self._views = system, [tuple(pair) for pair in words], views
         self._rows: Array = np.array(rows, dtype=np.float64).reshape(-1, COLUMNS)
         self._rows.flags.writeable = False
         self._whole = True
@@ -110,9 +115,15 @@ class Events(Sequence[FoundEvent]):
         return self._some((when >= times.min()) & (when <= times.max()))
 
     def _some(self, which: Any) -> Events:
-        part = Events(self._system, self._words, self._rows[which])
+        part = Events(self._system, self._words, self._rows[which], self._views)
         part._whole = self._whole and len(part) == len(self)
         return part
+
+    def by_event(self) -> list[tuple[Any, bool, Events]]:
+        """Return for each event of which any was found its observer, whether it is apparent, and those found."""
+        own = np.array([view[0] for view in self._views], dtype=int)[self._rows[:, NUMBER].astype(int)]
+        of = {number: (observer, apparent) for number, observer, apparent in self._views}
+        return [(*of[number], self._some(own == number)) for number in sorted(set(own.tolist()))]
 
     @overload
     def __getitem__(self, key: int) -> FoundEvent: ...
@@ -306,12 +317,15 @@ def events_of(archive: Archive) -> Events:
         of_particles = rows_in(checkpoint, "particle_events", "particle_event_counts")
         rows = None if of_particles is None else in_order([rows, of_particles], archive.grid.clock.direction)
     try:
-        words = [pair for event in json.loads(text) for pair in event["words"]]
+        known = json.loads(text)
+        words = [pair for event in known for pair in event["words"]]
+        given = [(k, event["given"] or {}) for k, event in enumerate(known) for _ in event["words"]]
+        views = [(k, of.get("observer"), bool(of.get("apparent"))) for k, of in given]
     except (TypeError, KeyError, ValueError):
         rows = None
     if rows is None or not is_possible(rows, len(words), len(archive.system)):
         raise ArchiveError(f"{archive.path} is damaged: its list of events is impossible. Restore it from a copy.")
-    return Events(archive.system, words, rows)
+    return Events(archive.system, words, rows, views)
 
 
 def in_order(parts: Sequence[Array], direction: float) -> Array:

@@ -12,7 +12,8 @@ import orbits
 from orbits.elements.least_distance import Ellipses, least_distance
 from orbits.elements.moid import Conics, least_distances
 from orbits.errors import InputError
-from tests.elements.test_least_distance import KINDS, any_pairs
+
+from .pairs_of_orbits import KINDS, any_pairs
 
 JPL = {  # of the Small-Body Database: e, q, inc, Omega, omega, epoch (JD), MOID with the Earth
     "Halley": (0.9679359956953211, 0.5748638313743413, 162.1905300439129, 59.09894720612437, 112.2414314637764,

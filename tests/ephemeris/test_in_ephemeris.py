@@ -360,3 +360,22 @@ def test_the_scenario_apophis_shows_what_each_term_does(tmp_path):
     assert outcome.ok, outcome.failures
     assert len(outcome.checks) >= 7
     assert (tmp_path / "apophis.png").stat().st_size > 10_000
+
+
+def test_a_moment_after_a_sample_the_small_body_is_still_there():
+    """Momenta of relativity leave their rounding in the error signal of a step of 1e-13 d."""
+    system = orbits.System.in_ephemeris(epoch="2025-04-10", asteroids=0)
+    system = system.add("x", primary="Sun", a=1.2 * u.au, e=0.3, M=1 * u.rad)
+    run = orbits.propagate(system, duration=5 * u.day, samples=21, progress=False)
+    for offset in (1e-15, 4e-14, 1e-13, 1e-12):
+        q = run.at(np.array(run.times[1:-1]) + offset).q.value[:, -1]
+        assert np.abs(q - run.q.value[1:-1, -1]).max() < 1e-15 + 0.1 * offset
+
+
+def test_a_moment_after_a_sample_massive_bodies_with_relativity_can_be_marched():
+    system = orbits.System.solar_system(epoch="2025-04-10", bodies=["Sun", "Mercury", "Jupiter"])
+    system = system.with_terms(orbits.terms.PostNewtonian())
+    run = orbits.propagate(system, duration=5 * u.day, samples=6, progress=False)
+    for offset in (4e-14, 1e-12):
+        q = run.at(np.array(run.times[1:-1]) + offset).q.value
+        assert np.abs(q - run.q.value[1:-1]).max() < 2e-15 + 0.1 * offset

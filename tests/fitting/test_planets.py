@@ -135,12 +135,70 @@ def test_what_cannot_be_fitted_is_refused():
         orbits.fit(rv)
     with pytest.raises(UnknownNameError, match="'d'"):
         orbits.fit(orbits.TransitTimes("d", 2452490.0 + 2.0 * np.arange(20), 0.01), start)
-    with pytest.raises(InputError, match=r"do not pass in front of the star near all times"):
+    with pytest.raises(InputError, match=r"planet c of the start does not pass .* near 2002-"):
         orbits.fit(orbits.TransitTimes("c", 2452490.0 + 30.0 * np.arange(9), 0.01), flat())
     with pytest.raises(InputError, match=r"4 measurements do not determine 11 parameters"):
         orbits.fit(orbits.RadialVelocities("x", rv.time[:4], rv.velocity[:4], rv.sigma[:4]), start)
-    with pytest.raises(ConvergenceError, match=r"do not determine all parameters; fit fewer: elements"):
+    with pytest.raises(ConvergenceError, match=r"do not determine all parameters, least [bc].t0; fit fewer: elements"):
         orbits.fit(rv, flat(), elements=["mass_ratio", "P", "t0"])
+    for wrong in (-3 * M_S, np.nan * M_S):
+        with pytest.raises(InputError, match=r"jitter is .*; expected a speed >= 0"):
+            orbits.fit(rv, start, jitter=wrong)
+    with pytest.raises(InputError, match=r"interacting is 'no'; expected True or False"):
+        orbits.fit(rv, start, interacting="no")
+    ten = ten_days()
+    with pytest.raises(InputError, match=r"6 measurements do not determine 0 parameters"):
+        orbits.fit(ten, one_planet(), elements=[])
+    with pytest.raises(InputError, match=r"jitter is .*, but there are no radial velocities"):
+        orbits.fit(ten, one_planet(), jitter=3 * M_S)
+    with pytest.raises(InputError, match=r"one transit of 'b' does not tell its period"):
+        orbits.fit(orbits.TransitTimes("b", [2455003.0], 0.1), star(1.0, 2455000.5))
+    with pytest.raises(InputError, match=r"b of the start has e = 0.99995; expected at most 0.999"):
+        orbits.fit(ten, one_planet(e=0.99995))
+
+
+def ten_days():
+    return orbits.TransitTimes("b", 2455003.5 + 10.0 * np.arange(6), 30 * u.s, number=np.arange(6))
+
+
+def one_planet(P=10.0, M=0.0, e=0.3):
+    b = {"mass": 6e-5 * u.M_sun, "P": P * u.day, "e": e, "M": M * u.deg, "inc": 90 * u.deg}
+    return star(0.8, 2455000.5, b=b)
+
+
+@pytest.mark.parametrize("M", [0.0, 80.0, 200.0, 320.0])
+def test_a_planet_transits_when_it_was_measured_wherever_the_fit_begins(M):
+    """Where Newton's method alone ends in maxima of the distance, and transits of other orbits, with chi-squared 0."""
+    fit = orbits.fit(ten_days(), one_planet(M=M), elements=["P", "t0"])
+    assert "(JD 2455000.5) from 6 transits" in str(fit)
+    assert "b.t0" in str(fit)
+    assert "d after the epoch" in str(fit)
+    # Reached 1e-9 d; t0 is the transit nearest to the epoch, and the planet is then before the star.
+    np.testing.assert_allclose(fit.parameters.values, [10.0, 3.0], atol=1e-7)
+    q = orbits.propagate(fit.system, samples=[3.0, 33.0], duration=40.0).q.value
+    way = q[:, 1] - q[:, 0]
+    assert (np.hypot(way[:, 0], way[:, 1]) < 1e-4 * way[:, 2]).all()
+
+
+def test_the_numbers_of_transits_are_those_of_orbits():
+    with pytest.raises(InputError, match=r"transits 0 and 1 of 'b' are 2 orbits with the period 5 d, not 1"):
+        orbits.fit(ten_days(), one_planet(P=5.0, e=0.0), elements=["P", "t0"])
+
+
+@pytest.mark.parametrize("element", ["mass_ratio", "ecosw"])
+def test_what_the_times_of_one_planet_do_not_tell_is_named(element):
+    with pytest.raises(ConvergenceError, match=rf"do not determine all parameters, least b.{element}"):
+        orbits.fit(ten_days(), one_planet(M=30.0, e=0.0), elements=["P", "t0", element])
+
+
+def test_a_fitted_system_moves_as_its_start_does():
+    start = one_planet(M=30.0)
+    q, v = start.values.q + np.array([0.1, 0.0, 0.2]), start.values.v + np.array([0.0, 0.01, 0.0])
+    moving = start.replaced(q=q, v=v)
+    fit = orbits.fit(ten_days(), moving, elements=["P", "t0"])
+    for found, begun in ((fit.system.values.q, moving.values.q), (fit.system.values.v, moving.values.v)):
+        gm = start.values.gm
+        np.testing.assert_allclose(gm @ found, gm @ begun, rtol=0.0, atol=1e-17)  # reached 2e-20
 
 
 def flat():

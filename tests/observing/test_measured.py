@@ -67,3 +67,30 @@ def test_what_is_no_measurement_is_refused():
         orbits.TransitTimes("b", [1.0, 2.0], 0.1, [1, 0])
     with pytest.raises(UnknownNameError, match=r"there is no planet 'c'; expected one of b"):
         orbits.TransitTimes("b", [1.0, 2.0], 0.1)["c"]
+
+
+def test_transits_are_counted_by_a_period_that_all_intervals_have():
+    assert orbits.TransitTimes("b", 10.0 * np.array([0, 3, 6, 8, 11, 14]), 0.1).number.tolist() == [0, 3, 6, 8, 11, 14]
+    with pytest.raises(InputError, match=r"intervals of the transits of 'b' are not whole numbers of one period"):
+        orbits.TransitTimes("b", [0.0, 10.0, 23.0, 51.7, 94.0], 0.1)
+    late = orbits.TransitTimes("b", [90.0, 100.0], 0.1)
+    assert (orbits.TransitTimes("b", [0.0, 20.0, 30.0], 0.1) + late).number.tolist() == [0, 2, 3, 9, 10]
+    with pytest.raises(InputError, match=r"do not increase with their times; some have none"):
+        late + orbits.TransitTimes("b", [0.0, 10.0], 0.1, [4, 5])
+
+
+def test_what_is_half_given_is_refused(tmp_path):
+    masked = np.ma.array([1.0, 2.0], mask=[False, True])
+    for what, given in (("time", (masked, 0.1)), ("sigma", ([1.0, 2.0], masked * 1.0))):
+        with pytest.raises(InputError, match=rf"{what} has masked values"):
+            orbits.TransitTimes("b", *given)
+    for wrong in ([0, 1.5], [0], [0, np.inf], "x"):
+        with pytest.raises(InputError, match=r"number is .*; expected 2 whole numbers"):
+            orbits.TransitTimes("b", [1.0, 2.0], 0.1, wrong)
+    with pytest.raises(InputError, match=r"two transits of 'b' have the same time"):
+        orbits.TransitTimes("b", [1.0, 1.0], 0.1)
+    for wrong in (["b", "c", "d"], "", ["b", ""]):
+        with pytest.raises(InputError, match=r"planet is .*; expected a name, or one for each of 2"):
+            orbits.TransitTimes(wrong, [1.0, 2.0], 0.1)
+    with pytest.raises(InputError, match=r"line 1: number 0.5 is not whole; line 2: sigma 0 is not above zero"):
+        orbits.TransitTimes.read(written(tmp_path, "b 0.5 10.5 0.1\nb 1 12.5 0\n"))

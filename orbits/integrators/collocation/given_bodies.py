@@ -17,9 +17,9 @@ from orbits.integrators.canonical.form import combine
 from orbits.integrators.canonical.lengths import prepare, stretch
 from orbits.integrators.canonical.particles import step_particles
 from orbits.integrators.canonical.room import HOURS, INVERSE, MU, MU_BAR, stages_in, work_in
-from orbits.integrators.collocation.lengths import CANCELLED, TINY
+from orbits.integrators.collocation.lengths import least_kick
 from orbits.integrators.collocation.rows import HB, HC, HC_LO, LAST, WEIGHTS, is_close
-from orbits.kernels.binding import Tag, dimension, gross_attraction
+from orbits.kernels.binding import Tag, dimension
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.ephemeris.chebyshev import ROW, given_in, held_by, place_given
@@ -163,8 +163,7 @@ def signal(method, model, h, state, storage):
         rest = most = 0.0
         for k in range(i, d, n):
             rest, most = max(rest, abs(total(last * load(L, k)))), max(most, largest(abs(inverse * load(L, k))))
-        floor = CANCELLED * abs(h) * gross_attraction(model.tag, model.parameters, state.q, i)
-        worst = max(worst, rest / max(most, max(floor, TINY)))
+        worst = max(worst, rest / max(most, least_kick(model, h, state, i)))
     return worst
 
 

@@ -12,6 +12,10 @@ CANCELLED = 1e-6
 """The share of the attractions on a body below which their sum does not count as its force."""
 
 
+UNFELT = 2.0**-26
+"""The share of its velocity below which a kick of a body does not count: the usual tolerance of it is then lost in
+rounding the velocity, and terms with momenta leave their own rounding, as in a step of a moment."""
+
 TINY = 1e-300
 """Divides where there is no force, without dividing by zero."""
 
@@ -72,7 +76,7 @@ def signal(method, model, h, state, storage):
     largest force on it; the maximum over all bodies. For one register.
 
     Where attractions cancel, the force that remains is round-off: no force counts as less than `CANCELLED` of the sum
-    of their magnitudes.
+    of their magnitudes; and none as less than gives a kick of `UNFELT` of the velocity.
     """
     table, L, scratch = method.coefficients[0], storage.carry, storage.scratch
     size, count = dimension(model.tag, model.parameters), bodies(model.tag, model.parameters)
@@ -96,11 +100,11 @@ def signal(method, model, h, state, storage):
         ratio = _last_of(sums, count, i) / max(sizes[i >> 3, i & 7], TINY)
         if ratio > worst:
             worst, judge = ratio, i
-    if judge < 0 or sizes[judge >> 3, judge & 7] >= _floor(model, h, state, judge):
+    if judge < 0 or sizes[judge >> 3, judge & 7] >= least_kick(model, h, state, judge):
         return worst
     worst = 0.0
     for i in range(count):
-        worst = max(worst, _last_of(sums, count, i) / max(sizes[i >> 3, i & 7], _floor(model, h, state, i)))
+        worst = max(worst, _last_of(sums, count, i) / max(sizes[i >> 3, i & 7], least_kick(model, h, state, i)))
     return worst
 
 
@@ -112,6 +116,8 @@ def _last_of(sums, count, i):
 
 
 @kernel(inline=True)
-def _floor(model, h, state, i):
+def least_kick(model, h, state, i):
     """Return the least kick that counts as the force on body i."""
-    return max(CANCELLED * abs(h) * gross_attraction(model.tag, model.parameters, state.q, i), TINY)
+    n, v = bodies(model.tag, model.parameters), state.p
+    felt = UNFELT * max(abs(v[i]), max(abs(v[n + i]), abs(v[2 * n + i])))
+    return max(CANCELLED * abs(h) * gross_attraction(model.tag, model.parameters, state.q, i), max(felt, TINY))

@@ -17,7 +17,7 @@ import math
 from typing import Any, NamedTuple
 
 from orbits.integrators.canonical.room import padded_length
-from orbits.integrators.collocation.lengths import CANCELLED
+from orbits.integrators.collocation.lengths import CANCELLED, UNFELT
 from orbits.integrators.collocation.rows import LAST, NODES, WEIGHTS
 from orbits.kernels.binding import Tag, bodies
 from orbits.kernels.compile import kernel
@@ -167,7 +167,7 @@ def narrowest(n, ends, scratch, reaches):
 
 
 @kernel(inline=True)
-def judged(method, model, numbers, h, storage, ends, reaches):
+def judged(method, model, numbers, h, particle, storage, ends, reaches):
     """Return the factor by which the next step may be longer than the one of h just taken, or by which it must be
     repeated (see `orbits.marching.clocks.adaptive`), and whether a body is near.
     """
@@ -180,7 +180,8 @@ def judged(method, model, numbers, h, storage, ends, reaches):
     if rest > tolerance * most:
         Q = storage.scratch[3:]
         pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
-        most = max(most, max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls))
+        speed = max(abs(particle.vx), max(abs(particle.vy), abs(particle.vz)))
+        most = max(most, max(max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls), UNFELT * speed))
     factor = MOST if rest == 0.0 else min(max(root(tolerance * most / rest, power), LEAST), MOST)
     passed, near = narrowest(bodies(model.tag, model.parameters), ends, storage.scratch, reaches)
     if factor * factor * passed > PASSAGE * PASSAGE:
@@ -257,7 +258,7 @@ def follow(method, model, stepping, k, p, particle, own, storage):
             evaluations += count
             factor = 0.5 / CAUTION
             if status == OK:
-                factor, near = judged(method, model, numbers, h, now, ends, reaches)
+                factor, near = judged(method, model, numbers, h, after, now, ends, reaches)
                 if factor >= REFUSED:
                     particle, taken = after, True
                     proposal = proposed(h, factor, table[NODES], scratch[RATES], stages)

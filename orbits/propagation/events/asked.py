@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
@@ -28,6 +28,7 @@ class Asked:
     system : the bodies; events : as they were given; direction : of the run in time, 1 or -1
 
     of, bounds : of each function, by its number, the event that it belongs to, and what it is among these bodies
+    views : of each function the number of its event, the observer and whether it is apparent, as `Events` has them
     touching : the functions that the march itself seeks, as collisions; act : whether any event acts on the bodies
     stops : the distances that end the run, which it seeks as well; None without any
 
@@ -46,13 +47,16 @@ class Asked:
             )
         self.system, self.direction, self.events = system, direction, tuple[Sought, ...](given)
         self.of: list[Sought] = []
+        self.views: list[tuple[int, Any, bool]] = []
         self.bounds: list[Bound] = []
-        for event in self.events:
+        for number, event in enumerate(self.events):
             if not isinstance(event.then, str):
                 event.then.check(event, system)
             bounds = event.bound(system)
             self.bounds += bounds
             self.of += [event] * len(bounds)
+            view = number, getattr(event, "observer", None), getattr(event, "apparent", False)
+            self.views += [view] * len(bounds)
         self.touching = {k: bound for k, bound in enumerate(self.bounds) if isinstance(bound, Touching)}
         for event in self.events:
             if self.touching and not isinstance(event.then, str) and not event.collides:

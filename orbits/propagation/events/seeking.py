@@ -66,7 +66,8 @@ class Seeking(MotionSearch):
         """Return what was found so far."""
         rows = [self.log.rows, *(search.log.rows for search in self.particles)]
         words = [bound.words for bound in self._bounds]
-        return Events(self.asked.system, words, in_order(rows, self._direction) if self.particles else rows[0])
+        found = in_order(rows, self._direction) if self.particles else rows[0]
+        return Events(self.asked.system, words, found, self.asked.views)
 
     def described(self) -> str:
         """Return the events as an archive holds them."""

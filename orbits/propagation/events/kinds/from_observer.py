@@ -12,7 +12,7 @@ from orbits.body_names import index_of
 from orbits.checks import checked_flag
 from orbits.elements.frames import checked_frame
 from orbits.errors import InputError, UnknownNameError, shown
-from orbits.observing.line_of_sight import LineOfSight, line_of_sight
+from orbits.observing.line_of_sight import LineOfSight, arrived, line_of_sight
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole, dot
 from orbits.propagation.events.kinds.planes import axes_of
 
@@ -62,7 +62,8 @@ class Seen(Sought):
         names = self.body, self.other, self.observer
         if len(set(names)) < 3:
             twice = self.body if self.body in names[1:] else self.other
-            raise InputError(f"{what}: {twice!r} twice; expected three bodies.")
+            several = "two" if isinstance(self.observer, LineOfSight) else "three"
+            raise InputError(f"{what}: {twice!r} twice; expected {several} bodies.")
         checked_flag(self.apparent, f"{what}.apparent")
 
     def sight(self, system: System) -> Sight:
@@ -82,7 +83,8 @@ class Seen(Sought):
                 raise UnknownNameError(f"{what}.observer: {error} {needed} {FROM_FAR}") from None
         if len({body, other, observer}) < 3:
             twice = system.names[body if body in (other, observer) else other]
-            raise InputError(f"{what}: {twice!r} twice; expected three bodies.")
+            several = "two" if observer == NOBODY else "three"
+            raise InputError(f"{what}: {twice!r} twice; expected {several} bodies.")
         if observer == NOBODY:
             return SightFromInfinity(body, other, observer, delay, np.array(self.observer))
         return Sight(body, other, observer, delay)
@@ -141,8 +143,7 @@ class SightFromInfinity(Sight):
         rows = [self.body, self.other]
         way, speed = q[:, rows], v[:, rows]
         if self.delay:
-            # Light arrives with that of the origin; from a place nearer to the observer it left later.
-            way = way + self.delay * (way @ self.towards)[..., None] * speed
+            way = arrived(way, speed, self.towards, self.delay)
         return way[:, 0], way[:, 1], speed[:, 0], speed[:, 1]
 
     def apart(self, a: Array, b: Array) -> Array:
