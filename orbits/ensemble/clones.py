@@ -9,18 +9,15 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.checks import finite_numbers, whole_number
+from orbits.checks import whole_number
 from orbits.ensemble.members import MOST, Ensemble, Systems, among, numbered
 from orbits.errors import InputError, shown
-from orbits.results.covariance import Covariance
+from orbits.propagation.variations.deviations import warn_of_range
+from orbits.results.covariance import Covariance, decomposed, in_units_of
 from orbits.system import System
 from orbits.system.new_bodies import primary_name
 
 Floats = NDArray[np.float64]
-
-NEGATIVE = 1e-9
-"""The largest share of the largest eigenvalue by which rounding may make one of a covariance negative, after it was
-scaled to correlations."""
 
 
 def clones(
@@ -36,13 +33,13 @@ def clones(
 ) -> Ensemble:
     """Return an ensemble of a body and its clones, drawn from the normal distribution of its uncertain orbit.
 
-        orbits.ensemble.clones(fit.system, fit.name, covariance=fit.covariance(), count=10_000, seed=1)
+        orbits.ensemble.clones(fit.system, fit.name, covariance=fit, count=10_000, seed=1)
         orbits.ensemble.clones(system, "Apophis", covariance=C, count=10_000, seed=1)
         orbits.ensemble.clones(system, "Apophis", covariance=C, count=10_000, seed=1, primary="Sun", elements={
             "e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg})  # as in JPL's database
 
-    covariance : (6, 6), symmetric, of x, y, z, vx, vy, vz in the units and axes of the system; or of `elements`; or
-        that of a fit, in any form
+    covariance : (6, 6), symmetric, of x, y, z, vx, vy, vz in the units and axes of the system; or of `elements`; or a
+        fit, or its `covariance()` in any form, of six elements: one with parameters, such as A2, is refused
     count : of the clones; the first member is the body itself, on its nominal orbit
     seed : of the random numbers: the same seed draws the same clones, and more of them begin with the same ones
     elements : six elements as in `System.add`, in the order of the rows, and the unit of each (1 for none)
@@ -54,11 +51,24 @@ def clones(
     """
     if not isinstance(system, System):
         raise InputError(f"system is {shown(system)}; expected an orbits.System with the body to be cloned.")
-    if isinstance(covariance, Covariance):
-        if covariance.form != "cartesian" and elements is None:
-            elements, primary, frame = dict(zip(covariance.names, covariance.units, strict=True)), "Sun", "ecliptic"
-        covariance = covariance.matrix
     place, count = system.index(body), whole_number(count, "count", most=MOST)
+    if hasattr(covariance, "system") and hasattr(covariance, "covariance"):
+        warn_of_range(covariance)
+        covariance = covariance.covariance()
+    if isinstance(covariance, Covariance):
+        covariance.require_of(system, system.names[place])
+        if len(covariance.names) > 6:
+            raise InputError(
+                f"the covariance has parameters, {', '.join(covariance.names[6:])}, which clones among the same bodies "
+                "share; expected one of six: that of a fit without them, or covariance.matrix[:6, :6] in their units, "
+                "with which the parameters stay as they are."
+            )
+        if covariance.form == "cartesian":
+            covariance = in_units_of(system, covariance)
+        else:
+            if elements is None:
+                elements, primary, frame = dict(zip(covariance.names, covariance.units, strict=True)), "Sun", "ecliptic"
+            covariance = covariance.matrix
     seed = whole_number(seed, "seed", least=0)
     deviations = np.vstack([np.zeros(6), drawn(covariance, count, seed)])
     name = system.names[place]
@@ -86,22 +96,9 @@ def clones(
 
 def drawn(covariance: Any, count: int, seed: int) -> Floats:
     """Return `count` deviations (count, 6) of a normal distribution. Raises InputError unless its covariance is one."""
-    matrix = finite_numbers(covariance, "covariance")
-    if matrix.shape != (6, 6):
-        raise InputError(f"covariance has shape {matrix.shape}; expected (6, 6), of a state or of six elements.")
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    sized = np.outer(scale, scale)
-    if (np.diag(matrix) < 0.0).any() or (np.abs(matrix - matrix.T) > 1e-9 * sized).any():
-        raise InputError("covariance is not symmetric with variances >= 0 on its diagonal; expected a covariance.")
-    factors = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(factors, factors))
-    if values.min() < -NEGATIVE * max(values.max(), 0.0):
-        raise InputError(
-            f"covariance has a negative eigenvalue, {values.min():.3g} of its correlations; expected a covariance. "
-            "Were digits lost when it was copied?"
-        )
+    values, vectors, factors = decomposed(covariance, 6, "of a state or of six elements")
     normal = np.random.default_rng(seed).standard_normal((count, 6))
-    return np.asarray((normal * np.sqrt(np.maximum(values, 0.0))) @ vectors.T * factors)
+    return np.asarray((normal * np.sqrt(values)) @ vectors.T * factors)
 
 
 def _elements(

@@ -5,32 +5,67 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from astropy import units as u
 
+from orbits.body_names import index_of
 from orbits.checks import positive_number
 from orbits.ensemble.campaign import Campaign
-from orbits.errors import InputError, shown
+from orbits.ensemble.summaries import SURVIVED
+from orbits.errors import InputError, counted, shown
+from orbits.finding import Finding
 from orbits.results.chance import Chance
+
+AT_END = 1e-9
+"""Of the time of the end: how near to it a closest approach is no minimum, but the end of the run."""
 
 
 def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chance:
     """Return which part of the clones of a campaign comes to a planet closer than its radius, and how sure that is.
 
-        members = orbits.ensemble.clones(fit.system, fit.name, covariance=fit.covariance(), count=1000)
+        members = orbits.ensemble.clones(fit.system, fit.name, covariance=fit, count=1000)
         campaign = orbits.ensemble.run(members, "clones.campaign", until="2008-10-08")
         print(orbits.ensemble.impact_probability(campaign, "Earth", radius=6378.137 * u.km))
 
     radius : of the planet, as a point mass attracts: what comes closer to the centre hits
-    The nominal orbit, which is the first member, does not count. `TargetPlane.clones_needed` says how many clones
-    an error needs. Raises InputError for a campaign that is not finished or did not look for approaches.
+    The nominal orbit, which is the first member, does not count, nor do clones that failed, or were lost before they
+    hit: a warning says how many, and how many still come nearer at the end. `TargetPlane.clones_needed` says how many
+    clones an error needs. Raises InputError for a campaign of systems, one that is not finished or did not look
+    for approaches, and a radius that is no length; UnknownNameError for a planet that is not there.
     """
     if not isinstance(campaign, Campaign):
         raise InputError(f"campaign is {shown(campaign)}; expected one of orbits.ensemble.run.")
-    summary = campaign.summary
+    summary, about = campaign.summary, campaign._store.about
     if "closest" not in summary.colnames:
         raise InputError("the campaign did not look for approaches; expected ensemble.run(..., approaches=True).")
+    if about["kind"] != "particles":
+        raise InputError("the members are systems, of which the closest pair alone is known; expected massless clones.")
+    planet = about["bodies"][index_of(planet, about["bodies"])]
+    state = np.asarray(summary["state"])[1:]
     waiting = int((np.asarray(summary["state"]) == "waiting").sum())
     if waiting:
         raise InputError(f"{waiting:,} members of the campaign are still to come; expected a finished one.")
-    most = positive_number(float(radius.to_value(summary["closest"].unit)), "radius")
-    hit = (np.asarray(summary["closest_to"]) == planet) & (summary["closest"].value < most)
-    return Chance.of(int(hit[1:].sum()), len(hit) - 1)
+    try:
+        most = positive_number(float(u.Quantity(radius).to_value(summary["closest"].unit)), "radius")
+    except (u.UnitConversionError, TypeError, ValueError) as error:
+        raise InputError(f"radius is {shown(radius)}; expected a length, such as 6378.137 * u.km.") from error
+    near = np.asarray(summary["closest_to"])[1:] == planet
+    hit = near & (summary["closest"].value[1:] < most)
+    counts = hit | (state == SURVIVED)
+    _warn(planet, int((~counts).sum()), int((counts & ~hit & near & _at_the_end(summary)[1:]).sum()))
+    return Chance.of(int(hit.sum()), int(counts.sum()))
+
+
+def _at_the_end(summary: Any) -> Any:
+    """Return which members are closest at their end, (members,)."""
+    end, at = (np.asarray(summary[name].value) for name in ("end", "closest_at"))
+    return np.abs(end - at) <= AT_END * np.abs(end)
+
+
+def _warn(planet: str, unknown: int, nearer: int) -> None:
+    if unknown:
+        Finding(f"{counted(unknown, 'clone')} failed or were lost before the end, and do not count.").warn()
+    if nearer:
+        Finding(
+            f"{counted(nearer, 'clone')} still come nearer to {planet} at the end of the campaign, and may hit later; "
+            "expected one that ends after the encounter: until=..."
+        ).warn()

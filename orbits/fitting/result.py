@@ -22,6 +22,7 @@ from orbits.propagation import propagate
 from orbits.propagation.variations.deviations import Uncertain, spread
 from orbits.results.covariance import Covariance, in_form
 from orbits.system import System
+from orbits.time_grid import times_since
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -113,13 +114,13 @@ class Fit:
         Raises UnknownNameError for another form, InputError as `orbits.state_transition`.
         """
         system, start, matrix, parameters = self.system, self._found.start, self._matrix, self._problem.arc.parameters
-        if at is not None:
+        if at is not None and times_since(system, at, "at") != 0.0:
             run = propagate(system, until=at, samples=2)
             system, matrix, parameters = run[-1], spread(run, Uncertain.of(system, self), run.times[-1:])[0], ()
             start = np.concatenate([x[system.names.index(self.name)] for x in system.values[1:3]])
         sun = np.concatenate([x[system.names.index("Sun")] for x in system.values[1:3]])
         gm = float(system.values.gm[system.names.index("Sun")])
-        return in_form(form, start, matrix, sun, gm, parameters)
+        return in_form(form, start, matrix, sun, gm, parameters, body=self.name, epoch=system.epoch)
 
     @property
     def residuals(self) -> QTable:

@@ -54,6 +54,7 @@ def _place(line: str) -> NDArray[np.float64] | None:
 
 
 WGS84 = 1
+"""The number of the ellipsoid in ERFA."""
 
 
 def on_the_ellipsoid(longitude: float, latitude: float, height: float) -> tuple[float, float, float]:

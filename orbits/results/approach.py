@@ -45,7 +45,7 @@ class Approach:
         the way (to about 1e-3), as the motion there could not be computed again
     epoch : of the system, if it has one: from it follows `date`, the time as a `Time` (TDB)
     distance_sigma, time_sigma : standard deviations by a covariance at the start of the run, to first order; None
-        without one
+        without one, and that of the time also at an end of the run, where the distance is no minimum
     """
 
     body: str
@@ -68,7 +68,7 @@ class Approach:
         passage: Passage,
         error: float | None,
         estimated: bool = False,
-        sigma: tuple[float, float] | None = None,
+        sigma: tuple[float, float | None] | None = None,
     ) -> Approach:
         """Return a passage of a run with this clock, with names and units; sigma : of distance and time."""
         names, gm, units = system.names, system.values.gm, system.units
@@ -85,7 +85,7 @@ class Approach:
             estimated,
             system.epoch,
             None if sigma is None else u.Quantity(sigma[0], units.length),
-            None if sigma is None else u.Quantity(sigma[1], units.time),
+            None if sigma is None or sigma[1] is None else u.Quantity(sigma[1], units.time),
         )
 
     @cached_property
@@ -101,10 +101,10 @@ class Approach:
         speed = self.speed.to(u.km / u.s) if self.speed.unit.is_equivalent(u.km / u.s) else self.speed
         named = "" if str(speed.unit) else "speed "  # a number alone would say nothing
         text = f"{self.body} to {self.other}: {distance} at {when}, {named}{speed:.3g}"
-        if self.distance_sigma is not None and self.time_sigma is not None:
-            off, late = (x.to(y) if x.unit.is_equivalent(y) else x
-                         for x, y in ((self.distance_sigma, u.km), (self.time_sigma, u.s)))  # fmt: skip
-            text += f", with sigmas of {off:.3g} and {late:.3g}"
+        known = [x for x in (self.distance_sigma, self.time_sigma) if x is not None]
+        if known:
+            each = [x.to(y) if x.unit.is_equivalent(y) else x for x, y in zip(known, (u.km, u.s), strict=False)]
+            text += f", with {'sigmas' if len(each) > 1 else 'a sigma'} of {' and '.join(f'{x:.3g}' for x in each)}"
         text += ", estimated from the two-body orbit within the step" * self.estimated
         if self.error is None:
             return text

@@ -68,14 +68,14 @@ class Approaches:
         *,
         refine: Callable[[Iterable[int]], None],
         error_at_end: Callable[[int], float | None],
-        sigmas: Callable[[Sequence[Passage]], list[tuple[float, float] | None]] | None = None,
+        sigmas: Callable[[Sequence[Passage]], list[tuple[float, float | None] | None]] | None = None,
     ) -> None:
         self.names = system.names
         self._system, self._clock, self._seen = system, clock, seen
         self._refine, self._error_at_end = refine, error_at_end
         self._asked = 1
-        self._sigmas: Callable[[Sequence[Passage]], list[tuple[float, float] | None]] | None = sigmas
-        self._spread: dict[int, tuple[float, float] | None] = {}
+        self._sigmas: Callable[[Sequence[Passage]], list[tuple[float, float | None] | None]] | None = sigmas
+        self._spread: dict[int, tuple[float, float | None] | None] = {}
 
     @property
     def distance(self) -> u.Quantity:
@@ -153,9 +153,7 @@ class Approaches:
             estimated = k in seen.estimated or k not in seen.refined
             yield Approach.of(self._system, self._clock, seen.passages[k], None, estimated)
 
-    def to_table(
-        self, bodies: Sequence[str] | None = None, *, within: Any = None, order: str = "distance"
-    ) -> QTable:
+    def to_table(self, bodies: Sequence[str] | None = None, *, within: Any = None, order: str = "distance") -> QTable:
         """Return an astropy QTable of the passages, closest first.
 
             run.closest_approaches().to_table("Earth", within=0.05 * u.au, order="time")  # as the tables of JPL's CNEOS

@@ -20,7 +20,7 @@ CONFIDENT = 1.959963984540054
 class Chance(NamedTuple):
     """A probability by counting: hits among a number of clones.
 
-    value : hits / clones; low, high : Wilson's interval of 95 %
+    value : hits / clones, NaN without clones; low, high : Wilson's interval of 95 %
     """
 
     value: float
@@ -35,6 +35,8 @@ class Chance(NamedTuple):
 
         Source: Wilson (1927), J. Am. Stat. Assoc. 22, 209.
         """
+        if clones == 0:
+            return cls(math.nan, 0.0, 1.0, 0, 0)
         p, z2 = hits / clones, CONFIDENT**2 / clones
         middle = (p + 0.5 * z2) / (1.0 + z2)
         half = math.sqrt(z2 * (p * (1.0 - p) + 0.25 * z2)) / (1.0 + z2)
@@ -48,8 +50,10 @@ class Chance(NamedTuple):
 def probability_in_disc(centre: Array, matrix: Array, radius: float) -> float:
     """Return the probability of a disc about the origin under a normal distribution.
 
-    centre, matrix : (2,) and (2, 2), its mean and covariance, in the unit of the radius
+    centre, matrix : (2,) and (2, 2), its mean and covariance, in the unit of the radius. NaN if one of them is
     """
+    if not (np.isfinite(centre).all() and np.isfinite(matrix).all() and math.isfinite(radius)):
+        return math.nan
     values, vectors = np.linalg.eigh(matrix)
     narrow, wide = np.sqrt(np.maximum(values, 1e-300))
     y0, x0 = vectors.T @ centre
@@ -66,7 +70,8 @@ def probability_in_disc(centre: Array, matrix: Array, radius: float) -> float:
     scaled = (0.5 * np.diff(edges)[:, None] * weights).ravel()
     x, half = radius * np.sin(angles), radius * np.cos(angles)
     density = np.exp(-0.5 * ((x - x0) / wide) ** 2) / (wide * math.sqrt(2.0 * math.pi))
-    return float(np.sum(scaled * half * density * (_below((half - y0) / narrow) - _below((-half - y0) / narrow))))
+    across = _below((half - y0) / narrow) - _below((-half - y0) / narrow)
+    return min(1.0, float(np.sum(scaled * half * density * across)))
 
 
 def _below(x: Array) -> Array:

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.checks import finite_numbers
 from orbits.elements.frames import icrf_to_ecliptic
 from orbits.elements.osculating import elements_from_state
-from orbits.errors import UnknownNameError, shown
+from orbits.errors import InputError, UnknownNameError, shown
 from orbits.export import text_table
-from orbits.system.parameters import Parameter
+from orbits.system.parameters import Parameter, parameters_of
+
+if TYPE_CHECKING:
+    from astropy.time import Time
+
+    from orbits.system import System
 
 Array = NDArray[np.float64]
 
@@ -38,11 +44,20 @@ STEP = 1e-6
 """Of central differences, relative to distance and speed: they are then good to 1e-10 of themselves."""
 
 
+NEGATIVE = 1e-9
+"""The largest share of the largest eigenvalue by which rounding may make one of a covariance negative, after it was
+scaled to correlations."""
+
+SAME = 1e-3
+"""Seconds by which the epoch of a covariance and that of a system may differ."""
+
+
 class Covariance(NamedTuple):
     """An orbit and its covariance in some coordinates.
 
     form : "cartesian", "keplerian" or "cometary"; names, units : of the six coordinates, then of parameters
     values : (n,); matrix : (n, n), in products of these units
+    body, epoch : whose orbit it is, and when, TDB; None if it was made by hand
     """
 
     form: str
@@ -50,6 +65,19 @@ class Covariance(NamedTuple):
     units: tuple[u.UnitBase, ...]
     values: Array
     matrix: Array
+    body: str | None = None
+    epoch: Time | None = None
+
+    def require_of(self, system: System, body: str) -> None:
+        """Raise InputError unless it is of this body at the epoch of a system."""
+        if self.body is not None and self.body != body:
+            raise InputError(f"the covariance is of {self.body}; expected one of {body}, or body={self.body!r}.")
+        if self.epoch is not None and (system.epoch is None or abs((self.epoch - system.epoch).to_value(u.s)) > SAME):
+            start = "there are no dates" if system.epoch is None else f"the system is at {system.epoch.iso} TDB"
+            raise InputError(
+                f"the covariance is of {self.body} at {self.epoch.tdb.iso} TDB, but {start}; expected that of the same "
+                "date: fit.covariance(at=...), or a run from the date of this one."
+            )
 
     @property
     def sigma(self) -> Array:
@@ -77,8 +105,50 @@ class Covariance(NamedTuple):
         return out
 
 
+def in_units_of(system: System, covariance: Covariance) -> Array:
+    """Return the matrix of a state, and of parameters of a system, in the units of this."""
+    own = [*[system.units.length] * 3, *[system.units.speed] * 3]
+    own += [one.unit for one in parameters_of(system, covariance.names[6:])]
+    scale = [unit.to(other) for unit, other in zip(covariance.units, own, strict=True)]
+    return np.asarray(covariance.matrix * np.outer(scale, scale))
+
+
+class Decomposed(NamedTuple):
+    """A covariance as correlations: values (n,) >= 0 and vectors (n, n) of these, and the sigmas, (n,)."""
+
+    values: Array
+    vectors: Array
+    factors: Array
+
+
+def decomposed(covariance: Any, size: int, expected: str) -> Decomposed:
+    """Return the eigenvalues of a covariance. Raises InputError, with what is expected, for what is none."""
+    matrix = finite_numbers(covariance, "covariance")
+    if matrix.shape != (size, size):
+        raise InputError(f"covariance has shape {matrix.shape}; expected {(size, size)}, {expected}.")
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    if (np.diag(matrix) < 0.0).any() or (np.abs(matrix - matrix.T) > 1e-9 * np.outer(scale, scale)).any():
+        raise InputError(f"covariance is not symmetric with variances >= 0 on its diagonal; expected one {expected}.")
+    factors = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh((matrix + matrix.T) / 2 / np.outer(factors, factors))
+    if values.min() < -NEGATIVE * max(values.max(), 0.0):
+        raise InputError(
+            f"covariance has a negative eigenvalue, {values.min():.3g} of its correlations; expected a covariance. "
+            "Were digits lost when it was copied?"
+        )
+    return Decomposed(np.maximum(values, 0.0), vectors, factors)
+
+
 def in_form(
-    form: str, start: Array, matrix: Array, sun: Array, gm: float, parameters: Sequence[Parameter] = ()
+    form: str,
+    start: Array,
+    matrix: Array,
+    sun: Array,
+    gm: float,
+    parameters: Sequence[Parameter] = (),
+    *,
+    body: str | None = None,
+    epoch: Time | None = None,
 ) -> Covariance:
     """Return an orbit and its covariance in a form, with those of parameters at the end.
 
@@ -86,6 +156,7 @@ def in_form(
         the parameters
     sun : the state of the Sun then; gm : of the Sun, au^3/d^2. Elements are relative to it, in the ecliptic of J2000;
         T is in days since the epoch
+    body, epoch : whose orbit it is, and when
     Raises UnknownNameError for another form, InputError for a state without elements.
     """
     if form not in FORMS:
@@ -93,7 +164,7 @@ def in_form(
     names, units = zip(*FORMS[form], strict=True)
     names, units = (*names, *(one.name for one in parameters)), (*units, *(one.unit for one in parameters))
     if form == "cartesian":
-        return Covariance(form, names, units, start.copy(), matrix.copy())
+        return Covariance(form, names, units, start.copy(), matrix.copy(), body, epoch)
     relative = start[:6] - sun
     steps = np.repeat(STEP * np.array([np.linalg.norm(relative[:3]), np.linalg.norm(relative[3:])]), 3)
     moved = np.concatenate([relative[None], relative + np.diag(steps), relative - np.diag(steps)])
@@ -108,4 +179,5 @@ def in_form(
     change[leaps] -= whole[leaps, None] * np.round(change[leaps] / whole[leaps, None])
     jacobian = np.eye(len(start))
     jacobian[:6, :6] = change / (2.0 * steps)
-    return Covariance(form, names, units, np.append(columns[:, 0], start[6:]), jacobian @ matrix @ jacobian.T)
+    values = np.append(columns[:, 0], start[6:])
+    return Covariance(form, names, units, values, jacobian @ matrix @ jacobian.T, body, epoch)

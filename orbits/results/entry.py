@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +17,12 @@ from orbits.ephemeris import AU_KM
 from orbits.errors import InputError
 from orbits.export import html_table, text_table
 from orbits.observing.earth import turning
+from orbits.observing.stations import WGS84
 
 if TYPE_CHECKING:
     from astropy.time import Time
 
 Array = NDArray[np.float64]
-
-WGS84 = 1
-"""The number of the ellipsoid in ERFA."""
 
 
 def height_and_vertical(fixed: Array) -> tuple[Array, Array, Array, Array]:
@@ -29,6 +30,14 @@ def height_and_vertical(fixed: Array) -> tuple[Array, Array, Array, Array]:
     lon, lat, height = erfa.gc2gd(WGS84, fixed * 1e3)
     up = np.stack([np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)], axis=-1)
     return height / 1e3, up, lon, lat
+
+
+@contextmanager
+def _without_erfa() -> Iterator[None]:
+    """Leave out ERFA's warnings of leap seconds to come: that of `turning` says what they may cost."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", erfa.ErfaWarning)
+        yield
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,9 +82,11 @@ class Entry:
             by[:, :3] = np.vstack([(here[:2] + np.outer(flight[:2], delay)) * AU_KM, delay * 86400.0])
             matrix = by @ matrix @ by.T
         size = float(np.linalg.norm(flight))
+        with _without_erfa():
+            when = date[0].utc
         return cls(
             body,
-            date[0].utc,
+            when,
             u.Quantity(altitude, u.km),
             u.Quantity(lon[0], u.rad).to(u.deg),
             u.Quantity(lat[0], u.rad).to(u.deg),
@@ -103,7 +114,8 @@ class Entry:
         return self.matrix
 
     def _caption(self) -> str:
-        when = f"{self.date.iso[:23]} UTC"
+        with _without_erfa():
+            when = f"{self.date.iso[:23]} UTC"
         return f"{self.body} comes down to {self.altitude.value:g} km on {when}, without an atmosphere"
 
     def _rows(self) -> list[list[str]]:

@@ -246,15 +246,18 @@ def test_what_is_no_covariance_or_no_encounter_is_refused() -> None:
         orbits.target_plane(apophis(), "Earth")
     with pytest.raises(InputError, match="Apophis does not come near Mars"):
         orbits.target_plane(run(), "Mars", radius=3390 * u.km)
-    with pytest.raises(InputError, match=r"symmetric \(6, 6\) matrix"):
+    with pytest.raises(InputError, match=r"shape \(3, 3\); expected \(6, 6\), of x, y, z"):
         orbits.target_plane(run(), "Earth", covariance=np.eye(3))
-    with pytest.raises(InputError, match="the radius of Moon is not known"):
-        orbits.target_plane(run(), "Moon")
+    assert orbits.target_plane(run(), "Moon").radius.value == pytest.approx(1737.4)
     fit = first_observations("2024BX1")
     with pytest.raises(InputError, match="expected until="):
         orbits.target_plane(fit, "Earth")
     with pytest.raises(InputError, match="expected one of the state"):
         orbits.propagate(fit.system, until="2024-01-22").closest_approaches(covariance=fit.covariance("cometary"))
+    run_of_fit = orbits.propagate(fit.system, until="2024-01-22", samples=2)
+    with pytest.raises(InputError, match=f"the covariance is of {fit.name}; expected one of Moon"):
+        orbits.target_plane(run_of_fit, "Earth", covariance=fit, body="Moon")
+    assert fit.covariance(at=fit.epoch).matrix.tolist() == fit.covariance().matrix.tolist()
     later = orbits.propagate(fit.system, until="2024-01-21 00:10").at("2024-01-21 00:05")
     with pytest.raises(InputError, match="does not begin with the orbit"):
         orbits.propagate(later, until="2024-01-22").closest_approaches(covariance=fit)

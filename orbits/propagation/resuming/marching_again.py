@@ -70,9 +70,11 @@ class Replay:
             )
         if covariance is None:
             return approaches_of(run, seen)
-        from orbits.propagation.variations.deviations import Uncertain, sigmas_of_passages
+        from orbits.propagation.variations.deviations import Uncertain, followed, sigmas_of_passages
 
-        return approaches_of(run, seen, partial(sigmas_of_passages, run, Uncertain.of(run.system, covariance, body)))
+        given = Uncertain.of(run.system, covariance, body)
+        followed(run, given, run.times[-1:])  # what cannot be followed is refused here, not when sigmas are shown
+        return approaches_of(run, seen, partial(sigmas_of_passages, run, given))
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
         """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers
-from orbits.errors import InputError, shown
+from orbits.errors import InputError
+from orbits.finding import Finding
+from orbits.propagation.resuming.marching_again import seen_by
 from orbits.propagation.variations.following import require_followable
 from orbits.propagation.variations.state_transition import state_transition_of
+from orbits.results.approaches import TURNING
+from orbits.results.covariance import Covariance, decomposed, in_units_of
 from orbits.system.parameters import parameters_of
 from orbits.time_grid import TimeGrid
 
@@ -22,6 +26,9 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
+
+AT_END = 1e-12
+"""Of the length of a run: how near to its ends a passage is there."""
 
 
 class Uncertain(NamedTuple):
@@ -43,7 +50,6 @@ class Uncertain(NamedTuple):
         Raises InputError for what is no covariance of a state, and for a fit whose orbit is not the start of the run.
         """
         if hasattr(covariance, "system"):
-            body = covariance.name if body is None else body
             own = [x[covariance.system.names.index(covariance.name)] for x in covariance.system.values[1:3]]
             here = [x[index_of(covariance.name, system.names, "body")] for x in system.values[1:3]]
             if covariance.system.epoch != system.epoch or not np.array_equal(own, here):
@@ -51,17 +57,28 @@ class Uncertain(NamedTuple):
                     f"the run does not begin with the orbit of {covariance.name} that was fitted; expected a run of "
                     "fit.system, or a covariance at the start of this one."
                 )
+            warn_of_range(covariance)
             covariance = covariance.covariance()
         if getattr(covariance, "form", "cartesian") != "cartesian":
             raise InputError(f"the covariance is {covariance.form}; expected one of the state: fit.covariance().")
-        parameters = tuple(getattr(covariance, "names", ())[6:])
+        whose, parameters = getattr(covariance, "body", None), tuple(getattr(covariance, "names", ())[6:])
+        body = the_body(system, whose if body is None else body)
         matrix, size = finite_numbers(getattr(covariance, "matrix", covariance), "covariance"), 6 + len(parameters)
-        if matrix.shape != (size, size) or (np.abs(matrix - matrix.T) > 1e-9 * np.abs(matrix).max()).any():
-            raise InputError(
-                f"covariance is {shown(covariance)}; expected a fit, its covariance(), or a symmetric (6, 6) matrix of "
-                "x, y, z, vx, vy, vz in the units and axes of the system."
-            )
-        return cls(the_body(system, body), matrix, parameters)
+        decomposed(matrix, size, "of x, y, z, vx, vy, vz in the units and axes of the system")
+        if isinstance(covariance, Covariance):
+            covariance.require_of(system, body)
+            matrix = in_units_of(system, covariance)
+        return cls(body, matrix, parameters)
+
+
+def warn_of_range(fit: Any) -> None:
+    """Warn of a fit whose orbits are a wide range, of which its covariance has the middle alone."""
+    if fit.range:
+        Finding(
+            f"the orbits that fit the observations of {fit.name} are a wide range, which its covariance, linear, does "
+            "not tell: ellipses, sigmas and probabilities are those about one of them.",
+            remedy="fit.range has orbits from one end to the other: propagate these.",
+        ).warn()
 
 
 def the_body(system: System, body: str | None) -> str:
@@ -74,18 +91,27 @@ def the_body(system: System, body: str | None) -> str:
     return massless[0]
 
 
+def followed(run: Trajectory, given: Uncertain, times: Array) -> tuple[System, TimeGrid]:
+    """Return the system without other massless bodies, and the grid on which its variations are followed.
+
+    Raises InputError as `orbits.state_transition` does.
+    """
+    system, grid = run.system, TimeGrid(run.clock, times)
+    rest = [x for x, massive in zip(system.names, system.massive, strict=True) if not (massive or x == given.body)]
+    alone = system.remove(*rest) if rest else system
+    require_followable(alone, run.integrator, grid)
+    return alone, grid
+
+
 def spread(run: Trajectory, given: Uncertain, times: Array, others: Sequence[str] | None = None) -> Array:
     """Return the covariance of a body's states, (m, 6, 6).
 
     times : (m,), in the direction of the run; others : (m,), the bodies that the states are relative to
     Raises InputError as `orbits.state_transition` does.
     """
-    system, body = run.system, given.body
-    rest = [x for x, massive in zip(system.names, system.massive, strict=True) if not (massive or x == body)]
-    alone = system.remove(*rest) if rest else system
+    body = given.body
     ahead, place = np.unique(np.abs(times), return_inverse=True)
-    grid = TimeGrid(run.clock, ahead * run.clock.direction)
-    require_followable(alone, run.integrator, grid)
+    alone, grid = followed(run, given, ahead * run.clock.direction)
     by: dict[str, Any] = {"parameters": parameters_of(alone, given.parameters)} if given.parameters else {}
     found = state_transition_of(alone, run.integrator, grid, coupled=False, **by)
 
@@ -99,13 +125,23 @@ def spread(run: Trajectory, given: Uncertain, times: Array, others: Sequence[str
     return np.asarray(D @ given.matrix @ np.swapaxes(D, -1, -2))
 
 
+def turns(run: Trajectory, time: float, q: Array, v: Array) -> bool:
+    """Return whether the distance is least at a time, and not only at this end of the run; q, v : relative, (3,)."""
+    first, last = (float(run.clock.time(x)) for x in (0.0, seen_by(run).end))
+    at_an_end = min(abs(time - first), abs(time - last)) <= AT_END * max(abs(first), abs(last))
+    return not at_an_end or bool(abs(q @ v) <= TURNING * np.linalg.norm(q) * np.linalg.norm(v))
+
+
 def sigmas_of_passages(
     run: Trajectory, given: Uncertain, passages: Sequence[Passage]
-) -> list[tuple[float, float] | None]:
-    """Return the standard deviations of distance and time of passages, None for those of other bodies."""
+) -> list[tuple[float, float | None] | None]:
+    """Return the standard deviations of distance and time of passages, None for those of other bodies.
+
+    At the ends of the run, where a body still comes nearer or parts already, there is none of the time.
+    """
     place, gm = run.names.index(given.body), run.system.values.gm
     own = [k for k, one in enumerate(passages) if place in (one.body, one.other) and one.distance > 0.0]
-    out: list[tuple[float, float] | None] = [None] * len(passages)
+    out: list[tuple[float, float | None] | None] = [None] * len(passages)
     if not own:
         return out
     times = np.array([run.clock.time(passages[k].steps) for k in own])
@@ -118,6 +154,6 @@ def sigmas_of_passages(
         distance = float(np.linalg.norm(r))
         by_time = -np.concatenate([w, r]) / (w @ w - (gm[place] + gm[other]) / distance)
         by = np.array([np.concatenate([r / distance, np.zeros(3)]), by_time])
-        variances = np.diag(by @ matrices[i] @ by.T)
-        out[k] = (float(np.sqrt(variances[0])), float(np.sqrt(variances[1])))
+        distance, late = np.sqrt(np.diag(by @ matrices[i] @ by.T)).tolist()
+        out[k] = distance, late if turns(run, float(times[i]), r, w) else None
     return out

@@ -9,13 +9,14 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import index_of
+from orbits.checks import positive_number
 from orbits.elements.target_plane import OnPlane, on_target_plane
 from orbits.ephemeris import AU_KM
 from orbits.errors import InputError, shown
 from orbits.observing.earth import turning
 from orbits.observing.stations import EARTH_RADIUS
 from orbits.propagation.run import propagate
-from orbits.propagation.variations.deviations import Uncertain, spread, the_body
+from orbits.propagation.variations.deviations import Uncertain, spread, the_body, turns
 from orbits.results.entry import Entry, height_and_vertical
 from orbits.results.target_plane import TargetPlane
 from orbits.system import System
@@ -28,9 +29,28 @@ Array = NDArray[np.float64]
 STEP = 1e-5
 """Of central differences, relative to distance and speed."""
 
+FREE, WITHIN = 1e-6, 1e-3
+"""The least share of the kinetic energy that is left at infinity on a hyperbola that has a target plane: beside the
+Earth, 11 m/s. And the largest part of it by which a displaced state may differ."""
+
 POINTS, ROUNDS, BEFORE, NODES = 33, 2, 0.25, 6
 """A crossing is sought between so many states, so often, in the last days before the closest approach, and then by a
 polynomial through these states."""
+
+RADII = {
+    "Sun": 695700.0,
+    "Mercury": 2440.53,
+    "Venus": 6051.8,
+    "Earth": EARTH_RADIUS,
+    "Moon": 1737.4,
+    "Mars": 3396.19,
+    "Jupiter": 71492.0,
+    "Saturn": 60268.0,
+    "Uranus": 25559.0,
+    "Neptune": 24764.0,
+    "Pluto": 1188.3,
+}
+"""Of the equators, km. Source: Archinal et al. (2018), Celest. Mech. Dyn. Astron. 130, 22; of the Earth, WGS84."""
 
 ASIDE = 1e-4
 """Days over which coordinates change by tides, for their rates."""
@@ -57,7 +77,7 @@ def target_plane(
         That of a fit is taken by itself; of a run without one there is no ellipse
     body : its name; by default that of the fit, or the only massless one
     near : a date: the approach nearest to it, instead of the closest one
-    radius : of the planet; by default that of the system, or of the Earth's equator
+    radius : of the planet; by default that of the system, or of the equator
 
     The covariance is carried along by the state transition, to first order, to the closest approach, or to the surface
     of a planet that is hit. Coordinates are those of the osculating hyperbola there.
@@ -65,19 +85,29 @@ def target_plane(
     `orbits.state_transition`.
     """
     run, given, body, other = _subject(orbit, planet, covariance, body, until)
-    system, size = run.system, _radius(run.system, planet, radius)
+    system, planet = run.system, run.names[other]
+    if other == int(np.argmax(system.values.gm)):
+        raise InputError(
+            f"{planet} is the heaviest body of this system; expected a planet that moves about it, as zeta is along "
+            f"that motion. Distances and times are in run.closest_approaches()[{body!r}]."
+        )
+    size = _radius(run, body, planet, radius)
     time = _closest(run, body, planet, None if near is None else float(times_since(system, near, "near")))
     if time is None:
         raise InputError(f"{body} does not come near {planet} in this run; expected a longer one, or another planet.")
-    hits = bool(np.linalg.norm(_relative(run, body, planet, np.array([time]))[0]) < size)
+    least, velocity, _ = (x[0] for x in _relative(run, body, planet, np.array([time])))
+    hits = bool(np.linalg.norm(least) < size)
+    if not (hits or turns(run, time, least, velocity)):
+        raise InputError(_no_approach(run, body, planet, float(least @ velocity)))
     if hits:
         time = _crossing(run, body, planet, time, lambda t, x: np.linalg.norm(x, axis=-1) - size)
     aside = u.Quantity(ASIDE, u.day).to_value(system.units.time)
     before = time - np.array([0.0, aside, 2.0 * aside]) * run.clock.direction
     q, v, moving = _relative(run, body, planet, before)
     gm = float(system.values.gm[other] + system.values.gm[system.names.index(body)])
-    bound = bool(v[0] @ v[0] < 2.0 * gm / np.linalg.norm(q[0]))
-    steps = STEP * np.repeat([np.linalg.norm(q[0]), np.linalg.norm(v[0])], 3)
+    free = 1.0 - 2.0 * gm / float(np.linalg.norm(q[0]) * (v[0] @ v[0]))
+    bound = free < FREE
+    steps = (STEP if bound else min(STEP, WITHIN * free)) * np.repeat([np.linalg.norm(q[0]), np.linalg.norm(v[0])], 3)
     moved = np.concatenate([q[0], v[0]]) + np.concatenate([np.diag(steps), -np.diag(steps)])
     on = on_target_plane(
         np.concatenate([q, moved[:, :3]]),
@@ -141,16 +171,23 @@ def entry(
         return height_and_vertical(fixed)[0] - low
 
     time = _closest(run, body, "Earth")
-    least = None if time is None else _relative(run, body, "Earth", np.array([time]))[0]
-    if time is None or least is None or above(np.array([time]), least)[0] > 0.0:
-        away = "not near it" if least is None else f"{np.linalg.norm(least) * scale:,.0f} km from its centre"
-        raise InputError(f"{body} does not come down to {low:g} km above the Earth: at its closest it is {away}.")
+    stays = f"{body} does not come down to {low:g} km above the Earth:"
+    if time is None:
+        raise InputError(f"{stays} in this run it is not near it.")
+    least, velocity, _ = _relative(run, body, "Earth", np.array([time]))
+    if above(np.array([time]), least)[0] > 0.0:
+        if not turns(run, time, least[0], velocity[0]):
+            raise InputError(_no_approach(run, body, "Earth", float(least[0] @ velocity[0])))
+        raise InputError(f"{stays} at its closest it is {np.linalg.norm(least) * scale:,.0f} km from its centre.")
     time = _crossing(run, body, "Earth", time, above)
     at = np.array([time])
     q, v, _ = _relative(run, body, "Earth", at)
-    matrix = None if given is None else spread(run, given, at, ["Earth"])[0]
-    day = u.Quantity(1.0, system.units.time).to_value(u.day)
-    return Entry.of(body, dates(at), low, q[0] * scale / AU_KM, v[0] * scale / AU_KM / day, matrix)
+    au, day = scale / AU_KM, u.Quantity(1.0, system.units.time).to_value(u.day)
+    matrix = None
+    if given is not None:
+        each = np.repeat([au, au / day], 3)
+        matrix = spread(run, given, at, ["Earth"])[0] * np.outer(each, each)
+    return Entry.of(body, dates(at), low, q[0] * au, v[0] * au / day, matrix)
 
 
 def _subject(
@@ -172,18 +209,37 @@ def _subject(
         raise InputError("the system has no epoch; expected one with dates: System(..., epoch=...).")
     other = index_of(planet, run.names, "body")
     given = None if covariance is None else Uncertain.of(run.system, covariance, body)
-    return run, given, given.body if given is not None else the_body(run.system, body), other
+    own = given.body if given is not None else the_body(run.system, body)
+    if own == run.names[other]:
+        raise InputError(f"body and planet are both {own!r}; expected two bodies.")
+    return run, given, own, other
 
 
-def _radius(system: System, planet: str, radius: Any) -> float:
+def _radius(run: Trajectory, body: str, planet: str, radius: Any) -> float:
+    """Return the radius of a planet: that given, or of the system, or of its equator. Raises InputError without one."""
+    system, unit = run.system, run.system.units.length
+    apart = system.values.q[run.names.index(body)] - system.values.q[run.names.index(planet)]
     if radius is not None:
-        return float(system.units.length_value(radius, "radius"))
-    own = 0.0 if system.radii is None else float(system.radii[system.names.index(planet)].to_value(system.units.length))
-    if own == 0.0 and planet == "Earth":
-        own = u.Quantity(EARTH_RADIUS, u.km).to_value(system.units.length)
+        size, start = positive_number(system.units.length_value(radius, "radius"), "radius"), np.linalg.norm(apart)
+        if size >= start:
+            raise InputError(
+                f"radius is {size:.6g} {unit}, but {body} begins {start:.6g} {unit} from {planet}; expected less. A "
+                "number without a unit is in that of the system: radius=6378 * u.km."
+            )
+        return size
+    own = 0.0 if system.radii is None else float(system.radii[system.names.index(planet)].to_value(unit))
+    if own == 0.0 and planet in RADII:
+        own = float(u.Quantity(RADII[planet], u.km).to_value(unit))
     if own == 0.0:
-        raise InputError(f"the radius of {planet} is not known; expected radius=..., such as radius=71492 * u.km.")
+        raise InputError(f"the radius of {planet} is not known; expected radius=..., such as radius=470 * u.km.")
     return own
+
+
+def _no_approach(run: Trajectory, body: str, planet: str, approaching: float) -> str:
+    """Return why the least distance is no closest approach: it is that at an end of the run."""
+    if approaching * run.clock.direction < 0.0:
+        return f"the run ends while {body} still comes nearer to {planet}; expected a longer one: until=... later."
+    return f"the run begins as {body} parts from {planet}, and has no approach; expected one from before it."
 
 
 def _closest(run: Trajectory, body: str, planet: str, near: float | None = None) -> float | None:
@@ -199,6 +255,11 @@ def _relative(run: Trajectory, body: str, planet: str, times: Array) -> tuple[Ar
     states = run.at(times)
     q, v = states.q.value, states.v.value
     one, other, centre = run.names.index(body), run.names.index(planet), int(np.argmax(run.system.values.gm))
+    if not np.isfinite([q[:, [one, other, centre]], v[:, [one, other, centre]]]).all():
+        raise InputError(
+            f"there are no states of {body} near its encounter with {planet}, as a body was lost or merged; expected a "
+            "run in which both go on to the end, without radii and collisions."
+        )
     return q[:, one] - q[:, other], v[:, one] - v[:, other], v[:, other] - v[:, centre]
 
 

@@ -1,0 +1,211 @@
+"""Target planes, places of entry, passages and clones: other units, and what is refused because its answer would be
+wrong.
+"""
+
+from __future__ import annotations
+
+import warnings
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from astropy import units as u
+from astropy.time import Time
+
+import orbits
+from orbits.errors import InputError, OrbitsWarning, UnknownNameError
+from orbits.propagation.variations.deviations import Uncertain, warn_of_range
+from orbits.propagation.variations.encounters import _relative
+from orbits.results.chance import Chance, probability_in_disc
+from orbits.results.covariance import FORMS, Covariance
+
+C = np.diag([1e-8] * 3 + [1e-10] * 3) ** 2
+"""Of a state, au and au/d: 1.5 km and 0.2 mm/s."""
+
+
+@cache
+def falling() -> orbits.System:
+    """A body a day before it falls on the Earth."""
+    system = orbits.System.solar_system("2020-01-01", bodies=["Sun", "Earth", "Moon"])
+    earth = system["Earth"]
+    q, v = earth.q + [1e6, 2000.0, 3000.0] * u.km, earth.v + [-12.0, 0.0, 0.0] * u.km / u.s
+    return system.add("rock", q=q, v=v)
+
+
+@cache
+def fall() -> orbits.Trajectory:
+    return orbits.propagate(falling(), duration=2 * u.day, samples=2)
+
+
+def test_an_ellipse_on_the_ground_is_the_same_in_all_units() -> None:
+    units = orbits.UnitSystem("km and s", length=u.km, time=u.s, mass=u.kg)
+    one = falling()
+    other = orbits.System(
+        names=one.names, gm=one.gm, q=one.q, v=one.v, epoch=one.epoch, units=units,
+    )  # fmt: skip
+    scale = np.repeat([u.au.to(u.km), (u.au / u.day).to(u.km / u.s)], 3)
+    known = orbits.entry(fall(), covariance=C)
+    found = orbits.entry(orbits.propagate(other, duration=2 * u.day, samples=2), covariance=C * np.outer(scale, scale))
+    for x, y in zip(found.ellipse(), known.ellipse(), strict=True):
+        assert x.value == pytest.approx(y.value, rel=1e-6)
+    assert known.ellipse()[0] < 1000 * u.km
+
+
+def test_a_run_that_ends_before_the_approach_has_none() -> None:
+    early = orbits.propagate(falling(), duration=22 * u.h, samples=2)
+    with pytest.raises(InputError, match="the run ends while rock still comes nearer to Earth"):
+        orbits.target_plane(early, "Earth", covariance=C)
+    with pytest.raises(InputError, match="the run ends while rock still comes nearer to Earth"):
+        orbits.entry(early)
+    passage = next(one for one in early.closest_approaches(covariance=C)["rock"] if one.other == "Earth")
+    assert passage.time_sigma is None
+    assert passage.distance_sigma > 0.0 * u.km
+    assert "with a sigma of" in str(passage)
+    assert np.isnan(early.closest_approaches(covariance=C).to_table("rock")["time_sigma"]).any()
+    with pytest.raises(InputError, match="begins as rock parts from Earth"):
+        orbits.target_plane(orbits.propagate(fall().at(1.0), duration=1 * u.day, samples=2), "Earth")
+
+
+def test_states_that_are_not_there_and_probabilities_of_them() -> None:
+    assert np.isnan(probability_in_disc(np.array([np.nan, 0.0]), np.eye(2), 1.0))
+    assert np.isnan(probability_in_disc(np.zeros(2), np.full((2, 2), np.nan), 1.0))
+    values = [probability_in_disc(np.zeros(2), np.diag([x, y]), 1.0) for x in (1e-6, 1e-3) for y in (1e-6, 1e-2, 3e-3)]
+    assert max(values) <= 1.0
+    nothing = Chance.of(0, 0)
+    assert np.isnan(nothing.value)
+    assert (nothing.low, nothing.high) == (0.0, 1.0)
+    system = falling().replaced(radii=[695700, 6378, 1737, 1] * u.km)
+    lost = orbits.propagate(
+        system, duration=2 * u.day, samples=2, events=orbits.events.Collision(then=orbits.events.Merge())
+    )
+    with pytest.raises(InputError, match="no states of rock near its encounter with Earth, as a body was lost"):
+        _relative(lost, "rock", "Earth", np.array([1.5]))
+
+
+def test_planets_and_radii_without_a_target_plane() -> None:
+    with pytest.raises(InputError, match="Sun is the heaviest body of this system"):
+        orbits.target_plane(fall(), "Sun")
+    with pytest.raises(InputError, match="body and planet are both 'Earth'"):
+        orbits.target_plane(fall(), "Earth", body="Earth")
+    for radius, message in (
+        (6378.0, "begins .* AU from Earth"),
+        (-1 * u.km, "radius is"),
+        (np.nan * u.km, "radius is"),
+    ):
+        with pytest.raises(InputError, match=message):
+            orbits.target_plane(fall(), "Earth", radius=radius)
+
+
+def test_a_slow_hyperbola_has_sigmas() -> None:
+    """At 0.02 km/s far from the Earth, a displacement of 1e-5 of the speed beside it would bind the body."""
+    system = orbits.System(
+        names=["Sun", "Earth"],
+        gm=falling().gm[:2],
+        q=falling().q[:2],
+        v=falling().v[:2],
+        epoch="2020-01-01",
+    )
+    gm = float(system.gm[1].to_value(u.km**3 / u.s**2))
+    r = 7000.0
+    for v_infinity, plane in ((0.05, "target"), (0.005, "modified")):
+        speed = np.sqrt(v_infinity**2 + 2.0 * gm / r)
+        rock = system.add(
+            "rock",
+            q=system["Earth"].q + [r, 0.0, 0.0] * u.km,
+            v=system["Earth"].v + speed * np.array([-0.6, 0.8, 0.0]) * u.km / u.s,
+        )
+        found = orbits.target_plane(
+            orbits.propagate(rock, duration=20 * u.min, samples=2), "Earth", radius=10 * u.km, covariance=C
+        )
+        assert str(found).startswith(plane)
+        assert all(np.isfinite(x.value) for x in found.sigma.values())
+
+
+def test_a_covariance_is_of_the_orbit_that_it_is_given_for() -> None:
+    names, units = zip(*FORMS["cartesian"], strict=True)
+    here = falling().epoch
+
+    def carried(matrix: np.ndarray, body: str | None = "rock", epoch: Time | None = here) -> np.ndarray:
+        one = Covariance("cartesian", names, units, np.zeros(6), matrix, body, epoch)
+        return Uncertain.of(falling(), one).matrix
+
+    np.testing.assert_allclose(carried(C), C)
+    np.testing.assert_allclose(carried(C, None, None), C)
+    with pytest.raises(InputError, match=r"2020-01-02 .* TDB, but the system is at 2020-01-01"):
+        carried(C, epoch=here + 1 * u.day)
+    with pytest.raises(UnknownNameError, match="there is no body 'other'"):
+        carried(C, "other")
+    with pytest.raises(InputError, match=r"the covariance is of rock; expected one of Moon"):
+        Uncertain.of(falling(), Covariance("cartesian", names, units, np.zeros(6), C, "rock", here), "Moon")
+    km = Covariance("cartesian", names, (u.km,) * 3 + (u.km / u.s,) * 3, np.zeros(6), np.eye(6))
+    assert np.sqrt(Uncertain.of(falling(), km).matrix[0, 0]) == pytest.approx(u.km.to(u.au))
+    wrong = C.copy()
+    wrong[3, 4] = wrong[4, 3] = 3.0 * C[3, 3]  # small beside positions, yet no correlation
+    with pytest.raises(InputError, match="negative eigenvalue"):
+        orbits.target_plane(fall(), "Earth", covariance=wrong)
+    with pytest.raises(InputError, match="negative eigenvalue"):
+        fall().closest_approaches(covariance=wrong)
+
+
+def test_clones_that_hit_are_counted_and_those_of_which_it_is_not_known_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    members = orbits.ensemble.clones(falling(), "rock", covariance=C, count=5, seed=1)
+    how = {"workers": 1, "progress": False, "samples": 2}
+    campaign = orbits.ensemble.run(members, tmp_path / "whole", duration=2 * u.day, **how)
+    size = 6378.137 * u.km
+    assert orbits.ensemble.impact_probability(campaign, "earth", radius=size)[3:] == (5, 5)
+    with pytest.raises(UnknownNameError, match="Did you mean 'Earth'"):
+        orbits.ensemble.impact_probability(campaign, "Erth", radius=size)
+    for radius in (6378.137, 6378 * u.s, "large", None):
+        with pytest.raises(InputError, match=r"radius is .* expected a length"):
+            orbits.ensemble.impact_probability(campaign, "Earth", radius=radius)
+    early = orbits.ensemble.run(members, tmp_path / "early", duration=22 * u.h, **how)
+    with pytest.warns(OrbitsWarning, match="5 clones still come nearer to Earth at the end"):
+        assert orbits.ensemble.impact_probability(early, "Earth", radius=size)[3:] == (0, 5)
+    known = campaign.summary
+    known["state"][1:3] = "failed"
+    known["closest"][1:3] = np.inf * u.au
+    monkeypatch.setattr(orbits.ensemble.Campaign, "summary", known)
+    with pytest.warns(OrbitsWarning, match="2 clones failed or were lost before the end, and do not count"):
+        assert orbits.ensemble.impact_probability(campaign, "Earth", radius=size)[3:] == (3, 3)
+
+
+def test_clones_share_parameters_and_take_covariances_of_their_orbit() -> None:
+    names, units = zip(*FORMS["cartesian"], strict=True)
+    seven = Covariance("cartesian", (*names, "rock.A2"), (*units, u.au / u.day**2), np.zeros(7), np.eye(7), "rock")
+    with pytest.raises(InputError, match=r"parameters, rock\.A2"):
+        orbits.ensemble.clones(falling(), "rock", covariance=seven, count=2)
+    km = Covariance("cartesian", names, (u.km,) * 3 + (u.km / u.s,) * 3, np.zeros(6), np.eye(6), "rock")
+    members = orbits.ensemble.clones(falling(), "rock", covariance=km, count=50)
+    apart = u.Quantity(members.q[1:] - members.q[0], u.au).to_value(u.km)
+    assert 0.7 < apart.std() < 1.3  # of 150 draws
+    with pytest.raises(InputError, match="is of rock; expected one of Moon"):
+        orbits.ensemble.clones(falling(), "Moon", covariance=km, count=2)
+
+
+def test_a_fit_with_a_wide_range_is_told_of() -> None:
+    class Wide:
+        name = "rock"
+        range = ("one end", "the other")
+
+    with pytest.warns(OrbitsWarning, match="observations of rock are a wide range"):
+        warn_of_range(Wide())
+
+
+def test_a_run_that_cannot_be_followed_is_refused_at_once() -> None:
+    system = orbits.System.in_ephemeris(epoch="2020-01-01").add(
+        "rock", primary="Sun", a=2 * u.au, gm=1e-18 * u.au**3 / u.day**2
+    )
+    run = orbits.propagate(system, duration=1 * u.day, samples=2)
+    with pytest.raises(InputError, match="the variations of bodies with a mass"):
+        run.closest_approaches(covariance=C, body="rock")
+
+
+def test_an_entry_after_the_tables_of_the_earth_warns_once_in_words() -> None:
+    later = falling().replaced(epoch="2035-01-01")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        str(orbits.entry(orbits.propagate(later, duration=2 * u.day, samples=2)))
+    assert {one.category.__name__ for one in caught} == {"OrbitsWarning"}
