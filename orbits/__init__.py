@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from orbits import scenarios as scenarios
     from orbits import terms as terms
     from orbits.archive import Archive
+    from orbits.astrometry.observations import Observations
     from orbits.certificate import Certificate, certify
     from orbits.elements.kepler_flow import kepler_flow
     from orbits.ephemeris import asteroids, read_mpcorb, read_sbdb
     from orbits.fitting.fitted_orbit import fit
-    from orbits.fitting.observations import Observations
     from orbits.integrators.gauss import Gauss
     from orbits.integrators.stormer_verlet import StormerVerlet
     from orbits.integrators.wisdom_holman import WisdomHolman
@@ -113,7 +113,7 @@ _HOME = {
     "elements.kepler_flow": ["kepler_flow"],
     "ephemeris": ["asteroids", "read_mpcorb", "read_sbdb"],
     "fitting.fitted_orbit": ["fit"],
-    "fitting.observations": ["Observations"],
+    "astrometry.observations": ["Observations"],
     "integrators.gauss": ["Gauss"],
     "integrators.stormer_verlet": ["StormerVerlet"],
     "integrators.wisdom_holman": ["WisdomHolman"],

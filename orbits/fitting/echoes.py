@@ -8,8 +8,8 @@ import numpy as np
 from astropy.time import Time
 from numpy.typing import NDArray
 
+from orbits.astrometry.record import DELAY, Record
 from orbits.finding import Finding
-from orbits.fitting.record import DELAY, Record
 from orbits.observing.light import C
 from orbits.observing.radar import SECOND, antennas, echo
 from orbits.observing.stations import stations

@@ -11,6 +11,8 @@ from astropy import units as u
 from astropy.time import Time
 from numpy.typing import NDArray
 
+from orbits.astrometry.observations import Observations
+from orbits.astrometry.record import DELAY, OPTICAL
 from orbits.body_names import few
 from orbits.checks import checked_flag
 from orbits.elements.two_body import any_two_body
@@ -20,9 +22,7 @@ from orbits.fitting.correction import Problem, Solution, corrected, covariance, 
 from orbits.fitting.echoes import Echoes, without_radius
 from orbits.fitting.initial import Root, first_solution, orbits_in_doubt
 from orbits.fitting.instruments import Instrument, Together
-from orbits.fitting.observations import Observations
 from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_planets
-from orbits.fitting.record import DELAY, OPTICAL
 from orbits.fitting.result import Fit, telling_rejections
 from orbits.fitting.sight import Sight
 from orbits.fitting.valley import WIDE, valley, wide_covariance, wide_range

@@ -10,13 +10,13 @@ from astropy import units as u
 from astropy.time import Time
 from numpy.typing import NDArray
 
+from orbits.astrometry.observations import Observations
+from orbits.astrometry.record import DELAY, DOPPLER, OPTICAL
 from orbits.errors import counted
 from orbits.export import text_table
 from orbits.finding import Finding
 from orbits.fitting.correction import Problem, Solution
 from orbits.fitting.initial import Root, normalized_rms
-from orbits.fitting.observations import Observations
-from orbits.fitting.record import DELAY, DOPPLER, OPTICAL
 from orbits.fitting.valley import Variation
 from orbits.propagation import propagate
 from orbits.propagation.variations.deviations import Uncertain, spread

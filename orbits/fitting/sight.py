@@ -15,7 +15,7 @@ from astropy.time import Time
 from numpy.typing import NDArray
 
 from orbits import ephemeris
-from orbits.fitting.record import Record
+from orbits.astrometry.record import Record
 from orbits.observing.clocks import carried
 from orbits.observing.light import C, deflected, unit
 from orbits.observing.stations import stations

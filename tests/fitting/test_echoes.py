@@ -9,11 +9,11 @@ from astropy.coordinates import EarthLocation
 from astropy.time import Time
 
 import orbits
+from orbits.astrometry.observations import Observations
 from orbits.ephemeris import AU_KM
 from orbits.errors import OrbitsWarning
 from orbits.fitting.echoes import Echoes
 from orbits.fitting.fitted_orbit import _instruments
-from orbits.fitting.observations import Observations
 from orbits.observing.stations import stations
 from orbits.propagation.variations.arc import Arc
 

@@ -14,9 +14,9 @@ from astropy.time import Time
 from hypothesis import given
 from hypothesis import strategies as st
 
+from orbits.astrometry.observations import Observations
 from orbits.catalogue import packed
 from orbits.errors import InputError, UnknownNameError
-from orbits.fitting.observations import Observations
 
 from ..coverings import each
 

@@ -13,8 +13,8 @@ from astropy import units as u
 from astropy.time import Time
 
 import orbits
+from orbits.astrometry.observations import Observations
 from orbits.errors import OrbitsWarning
-from orbits.fitting.observations import Observations
 from orbits.fitting.result import Fit
 
 from .skies import mahalanobis, observed, start, state

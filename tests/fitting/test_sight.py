@@ -8,8 +8,8 @@ import pytest
 from astropy.time import Time
 
 import orbits
+from orbits.astrometry.record import Place, Record
 from orbits.errors import IntegrationError
-from orbits.fitting.record import Place, Record
 from orbits.fitting.sight import ARCSECONDS, Sight
 from orbits.observing.stations import stations
 from orbits.propagation.variations.arc import Arc

@@ -12,7 +12,7 @@ from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers
 from orbits.errors import InputError
 from orbits.finding import Finding
-from orbits.propagation.resuming.marching_again import seen_by
+from orbits.propagation.results.recording import observed_until
 from orbits.propagation.variations.following import require_followable
 from orbits.propagation.variations.state_transition import state_transition_of
 from orbits.results.approaches import TURNING
@@ -127,7 +127,7 @@ def spread(run: Trajectory, given: Uncertain, times: Array, others: Sequence[str
 
 def turns(run: Trajectory, time: float, q: Array, v: Array) -> bool:
     """Return whether the distance is least at a time, and not only at this end of the run; q, v : relative, (3,)."""
-    first, last = (float(run.clock.time(x)) for x in (0.0, seen_by(run).end))
+    first, last = float(run.times[0]), observed_until(run)
     at_an_end = min(abs(time - first), abs(time - last)) <= AT_END * max(abs(first), abs(last))
     return not at_an_end or bool(abs(q @ v) <= TURNING * np.linalg.norm(q) * np.linalg.norm(v))
 

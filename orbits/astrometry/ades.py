@@ -11,8 +11,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from xml.etree import ElementTree
 
-from orbits.ephemeris import AU_KM
-from orbits.fitting.record import (
+from orbits.astrometry.record import (
     DELAY,
     DOPPLER,
     OPTICAL,
@@ -24,6 +23,7 @@ from orbits.fitting.record import (
     number,
     require_place,
 )
+from orbits.ephemeris import AU_KM
 from orbits.observing.stations import on_the_ellipsoid
 
 KINDS = ("optical", "radar", "offset", "occultation")

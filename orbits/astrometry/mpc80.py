@@ -10,9 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from orbits.catalogue import packed
-from orbits.ephemeris import AU_KM
-from orbits.fitting.record import (
+from orbits.astrometry.record import (
     DELAY,
     DOPPLER,
     OPTICAL,
@@ -24,6 +22,8 @@ from orbits.fitting.record import (
     number,
     require_place,
 )
+from orbits.catalogue import packed
+from orbits.ephemeris import AU_KM
 from orbits.observing.stations import on_the_ellipsoid
 
 WIDTH = 80

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.fitting.record import Record
+from orbits.astrometry.record import Record
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 
-from orbits.fitting import ades
-from orbits.fitting.record import Ignored, Record, Unusable, number
+from orbits.astrometry import ades
+from orbits.astrometry.record import Ignored, Record, Unusable, number
 
 COLUMNS = ("des", "epoch", "value", "sigma", "units", "freq", "rcvr", "xmit", "bp")
 """Of the text, and the fields of JSON: body, UTC of the reception, microseconds or Hz, MHz, antennas, bounce point."""

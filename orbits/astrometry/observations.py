@@ -17,10 +17,10 @@ from astropy import units as u
 from astropy.time import Time
 from numpy.typing import NDArray
 
+from orbits.astrometry import ades, jpl_radar, mpc80, weights
+from orbits.astrometry.record import OPTICAL, Ignored, Record
 from orbits.body_names import few
 from orbits.errors import InputError, UnknownNameError, counted, shown
-from orbits.fitting import ades, jpl_radar, mpc80, weights
-from orbits.fitting.record import OPTICAL, Ignored, Record
 from orbits.observing.clocks import dynamical
 from orbits.resources import data_path
 
@@ -42,7 +42,7 @@ class Observations:
         observations = orbits.Observations.read("99942.dat")
         print(observations, observations.ignored[:3])
 
-    records : one for each observation, see `orbits.fitting.record.Record`
+    records : one for each observation, see `orbits.astrometry.record.Record`
     ignored : lines that are not used, each with its number, the reason, and its text
     source : where they are from, in words
 
