@@ -79,7 +79,7 @@ class Seen(Sought):
             try:
                 observer = index_of(self.observer, system.names)
             except UnknownNameError as error:
-                needed = "The observer must be a body of the system."
+                needed = "The observer must be a body of the system; run.ephemeris takes observatories, too."
                 raise UnknownNameError(f"{what}.observer: {error} {needed} {FROM_FAR}") from None
         if len({body, other, observer}) < 3:
             twice = system.names[body if body in (other, observer) else other]
