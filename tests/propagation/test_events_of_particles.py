@@ -16,7 +16,7 @@ from orbits.events import (
     Pericentre,
     WallTimeOver,
 )
-from orbits.propagation.events import particles, subjects
+from orbits.propagation.events import asked, particles
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 from orbits.trajectory.events import NUMBER
 
@@ -284,7 +284,7 @@ def test_what_cannot_be_sought_is_refused_with_a_remedy(monkeypatch):
         sought([acting, Pericentre("probe")])
     with pytest.raises(InputError, match=r"dense=True .* leave one of the two out"):
         sought(Pericentre("probe", then="stop"), dense=True)
-    monkeypatch.setattr(subjects, "MOST_PARTICLES", 1)
+    monkeypatch.setattr(asked, "MOST_PARTICLES", 1)
     with pytest.raises(InputError, match=r"events of 2 massless bodies; at most 1 are followed"):
         sought([Pericentre("probe"), Pericentre("dust")])
 
