@@ -247,8 +247,6 @@ def test_what_would_be_wrong_is_refused(apophis):
     for method in ("stormer-verlet", "wisdom-holman"):
         with pytest.raises(InputError):
             orbits.propagate(apophis, method, dt=1, duration=1)
-    with pytest.raises(InputError, match="MEGNO"):
-        orbits.megno(apophis, duration=10)
     pushed = apophis.with_forces(orbits.terms.Drag(rate=1e-6 / u.yr, bodies=["Apophis", "Earth"]))
     with pytest.raises(InputError, match="Drag names Earth"):
         orbits.propagate(pushed, dt=1, duration=1)
