@@ -36,9 +36,9 @@ class BlockLoop:
         # No circle of references: the arrays of a leg, of megabytes, are free as soon as the leg is.
         self._leg: Leg = proxy(leg)
         self.watchers = watchers
-        self._forgetting, self._seeing, self._looking, self._committing = (
+        self._limiting, self._forgetting, self._seeing, self._looking, self._committing = (
             [watcher for watcher in watchers if getattr(type(watcher), hook) is not getattr(LegWatcher, hook)]
-            for hook in ("forget", "see", "look", "commit")
+            for hook in ("most", "forget", "see", "look", "commit")
         )
         self.listeners: list[LegWatcher] = []
         self.begun: State = {}
@@ -49,7 +49,7 @@ class BlockLoop:
 
     def most(self) -> int:
         """Return the most steps of the next block for which watchers look."""
-        return min(watcher.most(self._leg) for watcher in (*self.watchers, *self.listeners))
+        return min([watcher.most(self._leg) for watcher in (*self._limiting, *self.listeners)])
 
     def one_block(self, most: int) -> int:
         """March on by a block of at most `most` steps, and return their number. Raises the error for the step that
