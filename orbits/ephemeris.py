@@ -17,14 +17,17 @@ import json
 import math
 from collections.abc import Iterable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.catalogue import Catalogue, asteroids, read_mpcorb, read_sbdb
 from orbits.errors import EpochError, InputError, UnknownNameError, shown
+from orbits.later import later
 from orbits.resources import data_path
+
+if TYPE_CHECKING:
+    from orbits.catalogue import Catalogue, asteroids, read_mpcorb, read_sbdb
 
 __all__ = [
     "AU_KM",
@@ -40,6 +43,8 @@ __all__ = [
     "states",
     "tracks",
 ]
+
+__getattr__ = later(__name__, {"orbits.catalogue": ["Catalogue", "asteroids", "read_mpcorb", "read_sbdb"]})
 
 Floats = NDArray[np.float64]
 

@@ -3,7 +3,16 @@
 The schema is described for readers with plain h5py in docs/archive.md.
 """
 
-from orbits.archive.reader import Archive
-from orbits.archive.writer import ArchiveWriter, extended
+from typing import TYPE_CHECKING
+
+from orbits.later import later
+
+if TYPE_CHECKING:
+    from orbits.archive.reader import Archive
+    from orbits.archive.writer import ArchiveWriter, extended
 
 __all__ = ["Archive", "ArchiveWriter", "extended"]
+
+__getattr__ = later(
+    __name__, {"orbits.archive.reader": ["Archive"], "orbits.archive.writer": ["ArchiveWriter", "extended"]}
+)

@@ -6,14 +6,16 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from orbits.discrete.base import DiscreteLagrangian
 from orbits.errors import InputError
 from orbits.integrators.encounters import Encounters
 from orbits.integrators.forms import Array, Form
 from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, Lagrangian
 from orbits.tableaux import PartitionedTableau
+
+if TYPE_CHECKING:
+    from orbits.discrete.base import DiscreteLagrangian
 
 SYMPLECTIC = "symplectic"
 """Property: the step conserves the symplectic form."""

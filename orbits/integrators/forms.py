@@ -73,12 +73,12 @@ class Form:
         """
         return self
 
-    @property
+    @cached_property
     def keeps_particles(self) -> bool:
         """Whether the carry of particles in lanes is kept in their rows of the archived carry."""
         return "keep_particles" in self.own_kernels()
 
-    @property
+    @cached_property
     def transforms(self) -> bool:
         """Whether what is marched is not what is seen, so that `enter` and `leave` lead from one to the other."""
         return "enter" in self.own_kernels()

@@ -12,18 +12,19 @@ Source: Hairer, Lubich & Wanner (2006), sec. I.1.4; Marsden & West (2001), sec. 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from orbits.discrete.base import DiscreteLagrangian
-from orbits.discrete.rotors import kick_rotate_kick
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.integrators.forms import Array
 from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.integrators.rigid.rotating import Rotating
 from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.tableaux import PartitionedTableau, lobatto_iiia_iiib
+
+if TYPE_CHECKING:
+    from orbits.discrete.base import DiscreteLagrangian
 
 
 def kick_drift_kick(h: float) -> tuple[Array, Array]:
@@ -68,4 +69,8 @@ class StormerVerlet(Integrator):
 
     def discrete_lagrangian(self, lagrangian: Lagrangian) -> DiscreteLagrangian | None:
         """For rigid bodies, that of kicks and exact rotations; else that of the tableau."""
-        return kick_rotate_kick(lagrangian) if lagrangian.rotors else None
+        if not lagrangian.rotors:
+            return None
+        from orbits.discrete.rotors import kick_rotate_kick
+
+        return kick_rotate_kick(lagrangian)

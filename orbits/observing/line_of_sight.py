@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from orbits.body_names import index_of
 from orbits.checks import finite_number
 from orbits.errors import InputError, shown
-from orbits.observing.placing import barycentre
 from orbits.time_grid import times_since
 from orbits.units import SOLAR
 
@@ -86,6 +85,8 @@ def radial_velocity_of(run: Run, body: str, along: Any, times: Any) -> u.Quantit
     else:
         since = times_since(system, times, "times")
         shape, v = since.shape, run.at(since.ravel()).v.value
+    from orbits.observing.placing import barycentre
+
     centre = barycentre(system.values.gm, v)
     speed = u.Quantity(-((v[:, place] - centre) @ np.array(towards)).reshape(shape), system.units.speed)
     return speed.to(u.m / u.s) if system.units.is_physical else speed

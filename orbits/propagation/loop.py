@@ -16,6 +16,7 @@ from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
 from orbits.archive.pace import PACE, Pace
 from orbits.errors import (
     EventError,
+    EventWarning,
     IntegrationError,
     Interrupted,
     OrbitsError,
@@ -27,7 +28,6 @@ from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.march import March
-from orbits.propagation.checks import kepler_splitting, unresolved_passages
 from orbits.propagation.checks.precision import energy_lost
 from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
@@ -180,8 +180,10 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     trajectory.changes = marcher.changes()
     if marcher.changed:
         trajectory._kept = None  # steps are of the bodies of the start
-    else:
+    elif not grid.clock.changes:
         trajectory._record = marcher.current.record(observed_until(trajectory))
+    elif writer is None:
+        trajectory._ended = marcher.current.problem.approaches, marcher.current.checkpoint()
     yield None
     try:
         with StopRequest() as late:
@@ -212,8 +214,11 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
 def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Finding]:
     """Find what the caller should know of a run, after `known` particles were lost before it."""
     if len(trajectory.retired) > known:
-        yield from unresolved_passages.lost(trajectory)
-    yield from unresolved_passages.events_in_doubt(watch.events.remarks())
+        from orbits.propagation.checks.unresolved_passages import lost
+
+        yield from lost(trajectory)
+    if remarks := watch.events.remarks():
+        yield Finding("of the events that were sought:", EventWarning, "events in doubt", remarks)
     if not watch.check_step:
         return
     yield from energy_lost(trajectory)
@@ -222,6 +227,8 @@ def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Fi
     if is_rigid(trajectory.system):
         yield from overlaps(trajectory, seen_by(trajectory))
     if len(trajectory._record.listed):
+        from orbits.propagation.checks import kepler_splitting, unresolved_passages
+
         maps = trajectory.integrator.follows_kepler
         look = kepler_splitting.not_followed if maps else unresolved_passages.not_resolved
         yield from look(trajectory, seen_by(trajectory))

@@ -27,7 +27,6 @@ from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Run, march
 from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import differences, provenance
-from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
 from orbits.propagation.resuming.marching_again import REPLAY
 from orbits.propagation.resuming.sample_store import checkpoint_of, no_accounts
 from orbits.propagation.resuming.step_store import StepStore, check_memory, continued, room_for_steps
@@ -129,6 +128,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
 def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = True) -> Run | Trajectory:
     """Return the rest of the run in an archive, ready to be marched; the trajectory if it is complete."""
     from orbits.archive import Archive, ArchiveWriter, extended
+    from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
     from orbits.trajectory.archived import made_by
 
     # Everything below is read under the lock: no second resume can add to the file after this one has read it.

@@ -20,7 +20,6 @@ from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Sought
 from orbits.propagation.loop import Run, march
 from orbits.propagation.making_runs import Path, RunOptions, begun, resumed
-from orbits.propagation.results.error_estimate import error_bars
 from orbits.propagation.run_ends import Callback
 from orbits.propagation.systems import (
     archives_of,
@@ -242,6 +241,8 @@ def _completed(run: Trajectory, dense: bool, estimated: bool, threads: int | Non
             "run itself is complete."
         ).warn()
     elif estimated:
+        from orbits.propagation.results.error_estimate import error_bars
+
         run.error_bars = error_bars(run, threads)
     return run
 

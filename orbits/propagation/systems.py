@@ -15,7 +15,6 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
-from orbits.archive.creation import check_target
 from orbits.checks import whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, shown
 from orbits.finding import SHOWN, Finding, kind_of
@@ -100,6 +99,8 @@ def archives_of(archive: object, count: int, overwrite: bool) -> list[Path]:
             raise InputError("archive has the same path twice; expected a file of its own for each system.")
     else:
         raise InputError(f"archive is {shown(archive)}; expected a folder, a path with {{}}, or a list of paths.")
+    from orbits.archive.creation import check_target
+
     for path in paths:
         if path.parent.exists() or path.parent != _folder(archive):
             check_target(path.absolute(), overwrite)

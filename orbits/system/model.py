@@ -38,15 +38,18 @@ class Modelled:
 
     __slots__ = ()
 
+    _terms: tuple[Term, ...]
+    _forces: tuple[Force, ...]
+
     @property
     def terms(self) -> tuple[Term, ...]:
         """The terms added to Newton's Lagrangian, in the units of the system."""
-        return cast("tuple[Term, ...]", cast(Any, self)._terms)
+        return self._terms
 
     @property
     def forces(self) -> tuple[Force, ...]:
         """The forces without a Lagrangian, in the units of the system."""
-        return cast("tuple[Force, ...]", cast(Any, self)._forces)
+        return self._forces
 
     def with_terms(self, *terms: Term) -> Self:
         """Return this system with more terms in its Lagrangian; `replaced(terms=())` removes them.

@@ -21,7 +21,6 @@ from orbits.system.catalogues import FromCatalogues
 from orbits.system.model import Modelled, centre, centre_velocity, seen_from, together, without
 from orbits.system.presenting import in_words, labelled_state, state_html
 from orbits.system.questions import Questions
-from orbits.system.solar import models
 from orbits.units import SOLAR, UnitSystem, as_epoch
 
 if TYPE_CHECKING:
@@ -175,6 +174,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
         Raises UnknownNameError for a body that DE440 does not have, another origin or model, EpochError for an epoch
         that it does not cover, InputError for bodies that a model does not take.
         """
+        from orbits.system.solar import models
+
         about_ssb = new_bodies.is_about_ssb(origin)
         if models.checked_model(model) == models.NEWTONIAN:
             system = cls(**new_bodies.from_ephemeris(as_epoch(epoch), bodies), units=SOLAR)

@@ -15,7 +15,6 @@ from orbits.errors import InputError, shown, with_unit
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps, clock_of
 from orbits.marching.clocks.step_times import Place, Places
-from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.time_grid.reading import is_date, snapped, times_since
 from orbits.time_grid.step_length import step_length
@@ -93,7 +92,7 @@ class TimeGrid:
             raise InputError(
                 f"dt = {shown(dt)}; for steps that are chosen one by one, expected dt=orbits.Adaptive(), or no dt."
             )
-        if dt is TimeTransformed:
+        if isinstance(dt, type) and issubclass(dt, ChangingSteps):
             raise InputError(
                 "dt = orbits.TimeTransformed is the class; for constant steps of transformed time, expected "
                 "dt=orbits.TimeTransformed(step=0.3)."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -67,7 +67,6 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
     path, archive : the archive that samples are read from, or None
     certificate : the certificate of the integrator, if it was measured before the run (see `orbits.certify`)
     stopped : why and where an event, a condition or a callback ended the run, or None
-    record : the record of close passages during the run, for `again`
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
     kept : the states at the beginnings of all steps (see `orbits.marching.stepping.kept_steps`), or None
@@ -94,7 +93,6 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         path: str | None = None,
         certificate: Certificate | None = None,
         stopped: Stop | None = None,
-        record: Record | None = None,
         again: MarchesAgain | None = None,
         retired: RetiredParticles | None = None,
         accounts: Array | None = None,
@@ -125,7 +123,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         self._span: tuple[float, float] | None = None
         self._stopped = stopped
         self.archive: Archive | None = None
-        self._record = record
+        self._record: Record | None = None  # of close passages, or what it is made of when it is asked for:
+        self._ended: tuple[bool, Mapping[str, NDArray[Any]]] | None = None
         self._passages: Any = None
         self.error_bars: ErrorBars | None = None
         self._again = self._marched_again_by if again is None else again

@@ -320,7 +320,7 @@ def square(x):
     return x * x
 
 scenario = Study(name="squares", title="Squares", experiment=lambda say: StudyResult())
-print(square(3.0), sum(square.stats.cache_hits.values()))
+print(square(3.0), sum(square.entry.stats.cache_hits.values()))
 """
 AS_A_FILE = "import runpy\nrunpy.run_path({path!r}, run_name='__main__')"
 LOADED = "from orbits.scenario import load\nload({path!r})"

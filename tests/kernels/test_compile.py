@@ -18,7 +18,7 @@ import numpy as np
 from orbits.lagrangians.newtonian import value
 q = np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 print(value(np.array([0.0, 1.0, 1e-3]), 0.0, q, np.zeros(6)).hex())
-print(sum(value.stats.cache_hits.values()))
+print(sum(value.entry.stats.cache_hits.values()))
 """
 
 
@@ -88,7 +88,7 @@ def test_kernels_of_one_name_in_one_file_are_not_confused(tmp_path, monkeypatch)
         all_ = [module.double, module.scaled, module.times(5.0), module.times(7.0)]
         assert [f(1.0) for f in all_] == [2.0, 3.0, 5.0, 7.0]
         kept += all_  # Numba finds again what captures something while the first of its kind lives
-        hits.append([sum(f.stats.cache_hits.values()) for f in all_])
+        hits.append([sum(f.entry.stats.cache_hits.values()) for f in all_])
     assert hits == [[0, 0, 0, 0], [1, 1, 1, 1]]
 
 
@@ -127,7 +127,7 @@ def test_the_stamp_is_part_of_every_cache_entry():
     def nothing():
         return 0.0
 
-    for entries in (nothing.cache, nothing.callee.cache):
+    for entries in (nothing.entry.cache, nothing.callee.cache):
         assert entries._cache_file._version.endswith(source_stamp())
 
 

@@ -1,6 +1,8 @@
 """Compiled kernels: no reference counts, no allocation, no entry point for Python unless called from Python."""
 
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -65,7 +67,7 @@ Q = np.arange(4.0)
 def test_a_kernel_that_takes_a_part_of_an_array_counts_no_references():
     """Numba 0.61 to 0.68 honour the private option `_nrt`; without it the slice is counted."""
     assert middle(Q) == 3.0
-    (text,) = middle.inspect_llvm().values()
+    (text,) = middle.entry.inspect_llvm().values()
     assert "NRT_" not in text
 
 
@@ -124,7 +126,7 @@ def test_only_what_python_calls_has_an_entry_for_python(tmp_path, monkeypatch):
     (inner,) = half.callee.overloads.values()
     assert f"@{inner.fndesc.llvm_func_name}" in inner.library.get_llvm_str()
     assert f"@{inner.fndesc.llvm_cpython_wrapper_name}" not in inner.library.get_llvm_str()
-    (outer,) = quarter.overloads.values()
+    (outer,) = quarter.entry.overloads.values()
     assert f"@{outer.fndesc.llvm_cpython_wrapper_name}" in outer.library.get_llvm_str()
     for entry in (inner, outer):
         assert entry.fndesc.llvm_cfunc_wrapper_name not in entry.library.get_llvm_str()
@@ -140,6 +142,13 @@ def test_what_compiled_code_called_first_can_be_called_from_python_with_the_same
         return inner(x)
 
     assert outer(0.3).hex() == inner(0.3).hex()
+
+
+def test_a_kernel_of_the_package_makes_what_numba_needs_when_it_is_first_used():
+    """Numba takes half a millisecond for one, and a process imports hundreds."""
+    code = "from orbits.kernels.sums.summation import two_sum; print({'entry', 'callee'} & vars(two_sum).keys())"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
+    assert done.stdout == "set()\n"
 
 
 def test_a_kernel_can_be_pickled():

@@ -67,7 +67,7 @@ def definitions(module):
 
 
 def test_a_library_calls_its_own_copies_of_kernels_and_lets_no_other_call_them(climbing):
-    (entry,) = climbing.climbed_twice.overloads.values()
+    (entry,) = climbing.climbed_twice.entry.overloads.values()
     found = definitions(entry.library._final_module)
     own = {entry.fndesc.llvm_func_name, entry.fndesc.llvm_cpython_wrapper_name}
     assert {name for name, linkage in found.items() if linkage != Linkage.internal} == own
@@ -75,7 +75,7 @@ def test_a_library_calls_its_own_copies_of_kernels_and_lets_no_other_call_them(c
 
 
 def test_what_two_callees_call_is_copied_once_into_their_caller(climbing):
-    (entry,) = climbing.climbed_twice.overloads.values()
+    (entry,) = climbing.climbed_twice.entry.overloads.values()
     (callee,) = climbing.climbed.callee.overloads.values()
     name = callee.fndesc.llvm_func_name
     assert [found for found in definitions(entry.library._final_module) if found.startswith(name)] == [name]

@@ -205,7 +205,7 @@ contexts, record = Contexts(1), np.zeros((4, 2, 9))
 contexts.enter(record=record)
 address = observer_address(look)
 march(address, contexts.addresses[0], np.full((12, 8), 3.0), 0.5, 9)
-hits = [sum(f.stats.cache_hits.values()) for f in (look.addressed, march)]
+hits = [sum(f.stats.cache_hits.values()) for f in (look.addressed, march.entry)]
 print(*hits, *record[0, 0])
 """
 

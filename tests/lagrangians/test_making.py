@@ -312,7 +312,7 @@ import sys
 import orbits
 path = orbits.march(orbits.lagrangians.pendulum, orbits.StormerVerlet(), dt=0.1, steps=3)
 from orbits.marching.stepping.driver import march
-stats = march.stats
+stats = march.entry.stats
 print(path.q[-1, 0].hex(), sum(stats.cache_hits.values()), sum(stats.cache_misses.values()), "sympy" in sys.modules)
 """
 

@@ -388,7 +388,7 @@ from orbits.lagrangians.terms.zonal_harmonics import zonal_harmonics
 
 L = n_body([1.0, 0.3], 0.0, [zonal_harmonics(0, 0.3, (0.0, 0.0, 1.0), {2: 0.02})])
 charges.charges(L, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.zeros((2, 3)))
-stats = charges.write_charges.stats
+stats = charges.write_charges.entry.stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
 """
 

@@ -39,7 +39,7 @@ def nothing(x):
 def compiles(seconds, times=1):
     """Let it look as if a kernel were compiled, one within the other."""
     for _ in range(times):
-        outer, inner = ({"dispatcher": each} for each in (nothing, nothing.callee))
+        outer, inner = ({"dispatcher": each} for each in (nothing.entry, nothing.callee))
         with trigger_event("numba:compile", data=outer), trigger_event("numba:compile", data=inner):
             time.sleep(seconds)
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -184,7 +184,7 @@ class Collocation(Form):
         "width": 1,
     }
 
-    @property
+    @cached_property
     def registers(self) -> int:
         """The number of registers of eight for the stages of a coordinate."""
         return (self.tableau.stages + WIDTH - 1) // WIDTH

@@ -6,16 +6,16 @@
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import llvmlite.binding
 from numba.core import config as numba_config
 
 from orbits.kernels.compile.dispatcher import Kernel
-from orbits.kernels.compile.source_hash import source_stamp
+from orbits.kernels.compile.source_hash import is_covered, source_stamp
 
 config: Any = numba_config  # its attributes are set at run time
 
@@ -46,7 +46,8 @@ def kernel(function: Callable | None = None, *, inline: bool = False, exact: boo
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "forceinline": inline}
         options["fastmath"] = set() if exact else {"contract"}
         # Code typed into a session has no file to keep a cache for, unless IPython makes one.
-        kept = Path(inspect.getfile(function)).is_file() or function.__code__.co_filename.startswith("<ipython")
+        file = inspect.getfile(function)
+        kept = is_covered(file) or os.path.isfile(file) or file.startswith("<ipython")
         return Kernel(function, options, source_stamp() if kept else None)
 
     return compile_function if function is None else compile_function(function)

@@ -1,4 +1,4 @@
-"""The result of `@kernel`: Numba's dispatcher with six differences.
+"""The result of `@kernel`: Numba's dispatchers, made when they are needed, with six differences.
 
 * For compiled callers it compiles without the wrapper for calls from Python: that wrapper takes a fifth of the compile
   time, and most kernels are never called from Python. Those that are get a separate entry point.
@@ -20,7 +20,7 @@ import linecache
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, update_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.errors import NumbaError
 from numba.core.event import trigger_event
 from numba.core.registry import CPUDispatcher
+from numba.core.serialize import ReduceMixin
 
 from orbits.errors import InputError
 from orbits.kernels.compile.code_library import CalleeCompiler, KernelCompiler
@@ -130,13 +131,27 @@ class Compiled(CPUDispatcher):
         return made
 
 
-class Kernel(Compiled):
-    """A kernel for calls from Python; for compiled callers, `callee` is compiled instead."""
+class Kernel(ReduceMixin):
+    """A function that is compiled: for calls from Python (`entry`), for compiled callers (`callee`), and for calls by
+    address (`addressed`). Each is made when it is first used: Numba takes half a millisecond for one, and of the
+    hundreds of kernels that a process imports it calls a few.
+    """
 
     def __init__(self, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> None:
-        super().__init__(function, options, stamp)
-        if not self._covered:
-            vars(self)["callee"] = self._without_entry("callee", CalleeCompiler)
+        update_wrapper(self, function)
+        self.py_func = function
+        self._options, self._stamp = options, stamp
+        if not is_covered(inspect.getfile(function)):  # as it was when it was read
+            self.entry, self.callee  # noqa: B018
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python."""
+        return self.entry(*arguments)
+
+    @cached_property
+    def entry(self) -> Compiled:
+        """The function for calls from Python."""
+        return Compiled(self.py_func, self._options, self._stamp)
 
     @cached_property
     def callee(self) -> Compiled:
@@ -155,8 +170,8 @@ class Kernel(Compiled):
         return {"function": self.py_func, "options": self._options, "stamp": self._stamp}
 
     @classmethod
-    def _rebuild(cls, function: Callable[..., Any], options: Mapping[str, Any], stamp: str | None) -> Kernel:
-        return cls(function, options, stamp)
+    def _rebuild(cls, **parts: Any) -> Kernel:
+        return cls(**parts)
 
     @property
     def _numba_type_(self) -> Any:

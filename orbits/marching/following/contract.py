@@ -75,7 +75,7 @@ class Room(NamedTuple):
 
     scratch : workspace of a step; track : (rows, 8), receives the states of eight, or of twice eight, particles at the
         beginning of each step
-    observer, context : see `orbits.kernels.search.observers`; evaluations : (1,) int64, to which its own are added
+    observer, context : see `orbits.kernels.search.observers`; evaluations : int64, the first of which is their number
     """
 
     scratch: Any

@@ -11,7 +11,6 @@ from orbits.integrators.canonical.bodies import CanonicalBodies
 from orbits.integrators.collocation.form import Collocation
 from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
-from orbits.integrators.maps.on_kepler_orbits import in_order
 from orbits.kernels.clocks import FIRST, LENGTH
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
@@ -88,6 +87,8 @@ class WithExcursions(Follower):
         return form.particle_carry_rows + MORE_ROWS
 
     def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
+        from orbits.integrators.maps.on_kepler_orbits import in_order
+
         h, order = float(block.numbers[LENGTH]), in_order(block.begun, len(self._followed.near[0]))
         self._coefficients[...] = coefficients_of(self._followed.form, h)
         now = _ordered(block.parameters, order)

@@ -36,7 +36,7 @@ class Follower:
         self._helpers, members = helpers, range(helpers.members)
         self.following = IN_LANES if kernel_of(form.tag.type, "width") in (None, WIDTH) else ONE_BY_ONE
         self._own_form: Tag = form.tag  # of the method of a particle's own steps
-        self._evaluations = [np.zeros(1, dtype=np.int64) for _ in members]
+        self._evaluations = np.zeros((helpers.members, WIDTH), dtype=np.int64)  # a cache line for each thread
         shapes = form.scratch_shape(3 * n), (12 * (steps + 1), WIDTH)
         self._rooms = [aligned(*shapes) for _ in members]
         # Records, and the arguments made of them: of the march itself, and of copies of its state, not observed.
@@ -69,10 +69,9 @@ class Follower:
             flat = self.following, tags[0], self._own_form, *tags[1:], block, particles
             arguments = [(*flat, *self._own(k, block, watcher)) for k in range(self._helpers.members)]
             self._bound[watcher is None] = (block, particles), arguments
-        for evaluations in self._evaluations:
-            evaluations[0] = 0
+        self._evaluations[:] = 0
         self._helpers.run(follow_block, arguments, steps)
-        return sum(int(evaluations[0]) for evaluations in self._evaluations)
+        return int(self._evaluations.sum())
 
     def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         """Prepare for a block of steps: by default nothing."""

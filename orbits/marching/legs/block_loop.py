@@ -36,6 +36,10 @@ class BlockLoop:
         # No circle of references: the arrays of a leg, of megabytes, are free as soon as the leg is.
         self._leg: Leg = proxy(leg)
         self.watchers = watchers
+        self._limiting, self._forgetting, self._seeing, self._looking, self._committing = (
+            [watcher for watcher in watchers if getattr(type(watcher), hook) is not getattr(LegWatcher, hook)]
+            for hook in ("most", "forget", "see", "look", "commit")
+        )
         self.listeners: list[LegWatcher] = []
         self.begun: State = {}
         self.taken = 0
@@ -45,7 +49,7 @@ class BlockLoop:
 
     def most(self) -> int:
         """Return the most steps of the next block for which watchers look."""
-        return min(watcher.most(self._leg) for watcher in (*self.watchers, *self.listeners))
+        return min([watcher.most(self._leg) for watcher in (*self._limiting, *self.listeners)])
 
     def one_block(self, most: int) -> int:
         """March on by a block of at most `most` steps, and return their number. Raises the error for the step that
@@ -55,7 +59,7 @@ class BlockLoop:
         self._back_up()
         try:
             last = self._attempt(most)
-            errors = [watcher.commit(leg, begun, last) for watcher in (*self.watchers, *self.listeners)]
+            errors = [watcher.commit(leg, begun, last) for watcher in (*self._committing, *self.listeners)]
         except BaseException:  # an interrupt: return to the state after the last complete block
             leg.losses.retired.return_to(begun)
             self.replay(0)
@@ -82,7 +86,7 @@ class BlockLoop:
             self.replay(count)
         if self._sees_more:
             self.replay(count)
-        for watcher in self.watchers:
+        for watcher in self._looking:
             found = watcher.look(self._leg, count)
             if found is not None:
                 if found.step < count:
@@ -134,7 +138,7 @@ class BlockLoop:
             self._forget()
 
     def _forget(self) -> None:
-        for watcher in self.watchers:
+        for watcher in self._forgetting:
             watcher.forget()
 
     def march(self, count: int, copy: State | None = None) -> int:
@@ -160,7 +164,7 @@ class BlockLoop:
         stepper.particles(state, leg.clock, numbers, leg.losses.retired.block, observers, count)
         if count:
             leg.listing.judge(leg, count)
-            for watcher in self.watchers:
+            for watcher in self._seeing:
                 watcher.see(leg, Block(count, begun, h))
             leg.listing.add(observers.lists)
         return count

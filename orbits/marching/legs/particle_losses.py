@@ -92,7 +92,7 @@ class ParticleLosses(LegWatcher):
         if self._judges and leg.listing.is_complete:  # not from a list that is not complete: shorter blocks follow
             where = len(problem.bodies), self._dominant, block.h, leg.step, problem.integrator.least_steps
             self._encountered = kepler_passages.lost_in(lists, problem.gm, *where)
-        if problem.retire:
+        if problem.retire and (self._departs or len(self._starts_close)):
             self._encountered = self._lost_anyhow(leg, block.steps)
 
     def _lost_anyhow(self, leg: Leg, count: int) -> Lost | None:

@@ -87,12 +87,12 @@ class Problem:
     @cached_property
     def bodies(self) -> NDArray[np.intp]:
         """The numbers of the massive bodies among all, (massive,), in the order of the kernels."""
-        return np.flatnonzero(np.asarray(self.massive))
+        return np.asarray(self.massive).nonzero()[0]
 
     @cached_property
     def particles(self) -> NDArray[np.intp]:
         """The numbers of the massless particles among all, (particles,)."""
-        return np.flatnonzero(~np.asarray(self.massive))
+        return (~np.asarray(self.massive)).nonzero()[0]
 
     @cached_property
     def strength(self) -> Array:

@@ -15,6 +15,7 @@ import numpy as np
 
 from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
+from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.lanes import WIDTH
 from orbits.marching.clocks.step_times import UNLIMITED, Behind, Places
 from orbits.marching.legs import within_step
@@ -124,6 +125,8 @@ class SamplesOfLeg(Samples, LegWatcher):
 
     def accounts(self) -> Array:
         """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
+        if not self._leg.problem.forces:
+            return np.zeros((1, 0, FIGURES))
         return np.stack([self._leg.stepper.accounts(state) for state in self._leg.shown])
 
     def _of_copy(self, places: Places) -> tuple[Array, Array]:

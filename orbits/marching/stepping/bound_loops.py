@@ -148,7 +148,7 @@ class BoundLoops:
     def bound(self, clock: Clock, now: Array) -> tuple[Any, ...]:
         """Return the first arguments of the compiled loops: the method, the model and the clock with its numbers."""
         coefficients = self._usual
-        if clock != self._clock:  # a partial step
+        if clock is not self._clock and clock != self._clock:  # a partial step
             if clock != self._other[0]:
                 self._other = clock, coefficients_of(self._form, clock.h)
             coefficients = self._other[1]

@@ -13,7 +13,6 @@ from orbits.integrators.canonical.bodies import CanonicalBodies
 from orbits.integrators.collocation.given_bodies import GivenBodies
 from orbits.integrators.forms import Form
 from orbits.integrators.kicks_and_drifts.splitting import Splitting
-from orbits.integrators.rigid.splitting import RigidSplitting
 from orbits.kernels.gravity.rigid_bodies import TAG as RIGID
 from orbits.kernels.lanes import WIDTH
 from orbits.lagrangians.base import GIVEN, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
@@ -132,6 +131,8 @@ def _rigid(
             "alone, such as orbits.terms.ZonalHarmonics(...)."
         )
     tops = getattr(rigid, "tops", ()) if with_particles else ()
+    from orbits.integrators.rigid.splitting import RigidSplitting
+
     return RigidSplitting(form.lengths, form.drifts, getattr(rigid, "rigid", 0), tops)
 
 

@@ -98,14 +98,17 @@ class Helpers:
         """Call kernel(turns, *arguments[k]), in the caller's thread with k = 0, on a block of `steps` steps. Others
         take part if the work on the steps before was enough for that; it is over when all have finished.
         """
+        if not self._others:
+            kernel(self._alone, *arguments[0])
+            return
         busy = arguments is not self._arguments and not all(one.done() for one in self._running.values())
         least = WORTH_A_CHANGE if busy else WORTHWHILE
-        together = bool(self._others) and self._pace * steps > least
+        together = self._pace * steps > least
         begun = time.perf_counter()
         if together:
             self._ask(kernel, arguments)
         kernel(self._turns[0] if together else self._alone, *arguments[0])
-        if self._others and steps:
+        if steps:
             self._pace = (time.perf_counter() - begun) * (self.members if together else 1) / steps
 
     def _ask(self, kernel: Callable[..., None], arguments: Sequence[tuple[Any, ...]]) -> None:

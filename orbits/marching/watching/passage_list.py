@@ -91,14 +91,16 @@ class PassageList:
 
     def add(self, blocks: list[BlockList]) -> None:
         """Add the lists of a block and empty them; passages that did not fit into them are counted."""
-        if not any(listed[1] for _, listed in blocks):
+        new, missed = [], 0
+        for passages, listed in blocks:
+            if listed[1]:
+                new.append(passages[: listed[0]].copy())
+                missed += int(listed[1] - listed[0])
+                listed[:] = 0
+        if not new:
             return
-        new = np.concatenate([passages[: listed[0]] for passages, listed in blocks])
-        missed = sum(int(listed[1] - listed[0]) for _, listed in blocks)
-        for _, listed in blocks:
-            listed[:] = 0
         passages, left_out, pending = self._known
-        self._known = Kept(passages, _more(left_out, missed), (*pending, new))
+        self._known = Kept(passages, _more(left_out, missed), (*pending, *new))
         if len(pending) >= PENDING_BLOCKS or 2 * sum(map(len, self._known.pending)) > self._room:
             self._merge()
 
@@ -124,8 +126,11 @@ class PassageList:
     @staticmethod
     def overflows(blocks: list[BlockList]) -> bool:
         """Return whether a block had more passages than could be listed."""
-        seen = sum(int(listed[1]) for _, listed in blocks)
-        return seen > min(BLOCK_ROOM, sum(int(listed[0]) for _, listed in blocks))
+        noted = seen = 0
+        for _, listed in blocks:
+            noted += int(listed[0])
+            seen += int(listed[1])
+        return seen > min(BLOCK_ROOM, noted)
 
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return the list as arrays of a fixed shape; {} for a march that began without one."""

@@ -10,7 +10,7 @@ from orbits.checks import checked_flag
 from orbits.errors import InputError
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.propagation.checks import kepler_splitting, step_check
+from orbits.propagation.checks import step_check
 from orbits.propagation.checks.precision import warn_if_far
 from orbits.propagation.checks.rigid_runs import is_rigid, turning_fast
 from orbits.system.model import most_inner
@@ -33,6 +33,8 @@ def checked_answer(check_step: Any) -> bool | str:
 def check_bodies(system: System, integrator: Integrator) -> None:
     """Raise InputError, naming them, for bodies and terms that a method on Kepler orbits cannot take."""
     if integrator.follows_kepler:
+        from orbits.propagation.checks import kepler_splitting
+
         kepler_splitting.require_outside(system)
         kepler_splitting.require_terms_of_dominant(system, integrator)
 
@@ -94,10 +96,15 @@ def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, c
 
 def found_ahead(system: System, integrator: Integrator, grid: TimeGrid) -> Iterator[Finding]:
     """Find what steps of one length do not resolve."""
-    if not grid.clock.changes:
-        look = kepler_splitting.unfit if integrator.follows_kepler else step_check.too_long
-        yield from look(system, integrator, grid.h, grid.end)
-        yield from turning_fast(system, grid.h)
+    if grid.clock.changes:
+        return
+    if integrator.follows_kepler:
+        from orbits.propagation.checks.kepler_splitting import unfit
+
+        yield from unfit(system, integrator, grid.h, grid.end)
+    else:
+        yield from step_check.too_long(system, integrator, grid.h, grid.end)
+    yield from turning_fast(system, grid.h)
 
 
 def warn_or_refuse(found: Iterable[Finding], check_step: Any) -> None:

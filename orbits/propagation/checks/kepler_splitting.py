@@ -22,7 +22,6 @@ from orbits.errors import InputError, StepWarning, counted
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
-from orbits.integrators.wisdom_holman import WisdomHolman
 from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
@@ -192,7 +191,7 @@ def _particles_near_planets(system: System, integrator: Integrator) -> Iterator[
 
 def _following(integrator: Integrator) -> str:
     """Return what lets particles take steps of their own: an option of the method, or another method."""
-    return 'encounters="follow"' if isinstance(integrator, WisdomHolman) else 'WisdomHolman(encounters="follow")'
+    return 'encounters="follow"' if integrator.name == "wisdom-holman" else 'WisdomHolman(encounters="follow")'
 
 
 def encounters(

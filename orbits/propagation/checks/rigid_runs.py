@@ -10,7 +10,6 @@ import numpy as np
 from orbits.errors import InputError, StepWarning, with_unit
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
 from orbits.propagation.checks.step_check import in_digits
 from orbits.system import System
@@ -30,7 +29,11 @@ FEWEST = 8
 
 def default_method(*systems: System) -> Integrator:
     """Return the method of runs for which none is given: kicks and drifts of order 8 if bodies are rigid."""
-    return Composition(order=8) if any(is_rigid(system) for system in systems) else USUAL
+    if not any(is_rigid(system) for system in systems):
+        return USUAL
+    from orbits.integrators.composition import Composition
+
+    return Composition(order=8)
 
 
 def is_rigid(system: System) -> bool:
@@ -52,9 +55,9 @@ def check_rigid(system: System, grid: TimeGrid) -> None:
 
 def turning_fast(system: System, h: float) -> Iterator[Finding]:
     """Find whether a rigid body turns too far in a step of h."""
-    fast = {name: angular_speed(turning) for name, turning in turnings(system).items()}
-    if not fast:
+    if not is_rigid(system):
         return
+    fast = {name: angular_speed(turning) for name, turning in turnings(system).items()}
     name, rate = max(fast.items(), key=lambda item: item[1])
     if abs(h) * rate * FEWEST <= 2.0 * np.pi:
         return

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from orbits.errors import EventWarning, RetiredWarning, StepWarning, counted
+from orbits.errors import RetiredWarning, StepWarning, counted
 from orbits.finding import SHOWN, Finding
 from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
@@ -165,12 +165,6 @@ def _enough(run: Trajectory, seen: Seen, numbers: list[int]) -> float:
         left, count = end - run.clock.time(passage.step), 1 if pair.is_bound() else len(numbers)
         steps.append(step_that_resolves(run.integrator, run.step, pair, left, end, count))
     return min(steps)
-
-
-def events_in_doubt(remarks: Sequence[str]) -> Iterator[Finding]:
-    """Find events that mean nothing, or may be incomplete."""
-    if remarks:
-        yield Finding("of the events that were sought:", EventWarning, "events in doubt", remarks)
 
 
 def lost(run: Trajectory) -> Iterator[Finding]:

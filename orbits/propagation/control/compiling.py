@@ -4,7 +4,6 @@ line.
 
 from __future__ import annotations
 
-import multiprocessing
 import sys
 import threading
 from typing import Protocol
@@ -44,6 +43,8 @@ class Words:
 
     def told(self, begins: bool) -> None:
         """Begin to look at the clock when compiling begins, and erase the line when it ends."""
+        import multiprocessing
+
         if multiprocessing.parent_process() is not None:
             return
         if begins:

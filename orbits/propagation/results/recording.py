@@ -18,17 +18,24 @@ def observed_until(run: Trajectory) -> float:
     return run._reached if run.complete or run._has_stopped else run._last_time
 
 
-def passages_of(trajectory: Trajectory, record: Record | None) -> Seen:
-    """Return the passages of a run; without `record`, those in the last checkpoint of its archive."""
-    if record is None:
-        assert trajectory.archive is not None
-        how = trajectory.system, trajectory.integrator, trajectory.clock
-        marcher = bound(*how, threads=1, approaches=trajectory.archive.approaches)
-        restore(marcher, unchanged(trajectory.archive.checkpoint()), trajectory.archive.path)
-        if not trajectory.clock.changes and marcher.step > trajectory.archive.grid.whole_steps:
-            raise ArchiveError(
-                f"{trajectory.archive.path} is damaged: its checkpoint is at step {marcher.step}, which lies "
-                "behind the end of the run. Restore it from a copy."
-            )
-        record = marcher.record(observed_until(trajectory))
-    return Seen(trajectory.system, record, trajectory.clock)
+def passages_of(run: Trajectory) -> Seen:
+    """Return the passages of a run: those on record, or those of its last checkpoint and from there to its end."""
+    record = _recorded(run) if run._record is None else run._record
+    return Seen(run.system, record, run.clock)
+
+
+def _recorded(run: Trajectory) -> Record:
+    archive = run.archive
+    if archive is None:
+        assert run._ended is not None
+        path, (approaches, checkpoint) = "this run", run._ended
+    else:
+        path, approaches, checkpoint = str(archive.path), archive.approaches, archive.checkpoint()
+    marcher = bound(run.system, run.integrator, run.clock, threads=1, approaches=approaches)
+    restore(marcher, unchanged(checkpoint), path)
+    if archive is not None and not run.clock.changes and marcher.step > archive.grid.whole_steps:
+        raise ArchiveError(
+            f"{path} is damaged: its checkpoint is at step {marcher.step}, which lies behind the end of the run. "
+            "Restore it from a copy."
+        )
+    return marcher.record(observed_until(run))

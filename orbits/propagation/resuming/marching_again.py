@@ -186,7 +186,7 @@ def _refuse_legs(run: Trajectory, what: str) -> None:
 def seen_by(run: Trajectory) -> Seen:
     """Return the passages of a run, which are determined once and stored with it."""
     _refuse_legs(run, "run.closest_approaches() and run.unresolved() follow")
-    if run._record is None and run.archive is None:
+    if run._record is None and run._ended is None and run.archive is None:
         raise InputError(
             f"{run!r} has samples only, but closest approaches are recorded during a run; expected the whole run as "
             "returned by orbits.propagate or orbits.resume."
@@ -194,7 +194,7 @@ def seen_by(run: Trajectory) -> Seen:
     if run._passages is None:
         from orbits.propagation.results.recording import passages_of
 
-        run._passages = passages_of(run, run._record)
+        run._passages = passages_of(run)
     seen: Seen = run._passages
     return seen
 
