@@ -92,6 +92,36 @@ def test_kernels_of_one_name_in_one_file_are_not_confused(tmp_path, monkeypatch)
     assert hits == [[0, 0, 0, 0], [1, 1, 1, 1]]
 
 
+RECORD = """
+from typing import NamedTuple
+from orbits.kernels.compile import kernel
+
+class Pair(NamedTuple):
+    near: float
+    far: float
+
+@kernel
+def nearer(pair):
+    return pair.near
+"""
+
+
+def test_a_record_whose_fields_change_places_is_not_taken_for_the_one_before(tmp_path, monkeypatch):
+    """Compiled code finds fields by their places, and the record may stand in a file that no kernel imports."""
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", "")
+    file = tmp_path / "record.py"
+    found = []
+    for text in (RECORD, RECORD.replace("near: float\n    far", "far: float\n    near")):
+        file.write_text(text)
+        os.utime(file, (0, 0))  # as if the kernel's own file had not changed
+        spec = importlib.util.spec_from_file_location("record", file)
+        module = importlib.util.module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "record", module)
+        spec.loader.exec_module(module)
+        found.append(module.nearer(module.Pair(near=1.0, far=2.0)))
+    assert found == [1.0, 1.0]
+
+
 def test_the_stamp_is_part_of_every_cache_entry():
     @kernel
     def nothing():

@@ -20,11 +20,12 @@ import os
 import pickle
 import stat
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import CodeType
 from typing import Any
 
+from numba import types
 from numba.core import caching
 from numba.core.codegen import RuntimeLinker
 from numba.core.serialize import dumps
@@ -238,9 +239,20 @@ class KernelCache(caching.FunctionCache):
         return self._cache_file.alone(sig)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        """Return the key of an entry, which also distinguishes functions of the same name in one file."""
+        """Return the key of an entry, which also distinguishes functions of the same name in one file, and records of
+        the same types with other fields.
+        """
         captured = [cell.cell_contents for cell in self._py_func.__closure__ or ()]
-        return sig, codegen.magic_tuple(), self._instructions, checksum(dumps(captured)) if captured else b""
+        own = checksum(dumps(captured)) if captured else b""
+        return sig, codegen.magic_tuple(), self._instructions, own, *fields_of_records(getattr(sig, "args", sig))
+
+
+def fields_of_records(arguments: Iterable[Any]) -> Iterator[tuple[str, ...]]:
+    """Return the names of the fields of all NamedTuples among the types of arguments, and within these."""
+    for one in arguments:
+        if isinstance(one, types.BaseTuple):
+            yield from [one.fields] if isinstance(one, types.BaseNamedTuple) else []
+            yield from fields_of_records(one)
 
 
 def identity(function: Callable[..., Any]) -> str:
