@@ -21,7 +21,7 @@ from orbits.marching.legs.problem import Problem
 from orbits.methods import SABA
 from orbits.terms import PostNewtonian, ZonalHarmonics
 
-from ..coverings import first
+from ..coverings import at, first
 from ..maps import newtonian_energy, solar_system
 
 SUN, YEAR = 0.00029591220828, 365.25
@@ -113,7 +113,7 @@ def test_what_happened_is_listed_in_whole_steps(scattered, tmp_path):
     assert np.array_equal(opened.q, scattered.q)
 
 
-@pytest.mark.parametrize(("years", "samples"), [(300, 9), (300, 40), (300, 87), (200, 25), (200, 40)])
+@pytest.mark.parametrize(("years", "samples"), at((1, 3), [(300, 9), (300, 40), (300, 87), (200, 25), (200, 40)]))
 def test_a_run_that_was_stopped_is_resumed_to_the_same_bits(years, samples, tmp_path):
     """At samples on the map, and on excursions from it; also after a step of an excursion that is longer than dt."""
     options = {**OPTIONS, "duration": years * u.yr, "samples": 101, "approaches": True}
@@ -395,7 +395,9 @@ def three_planets(days, event, *events, samples=4, **more):
 
 @pytest.mark.parametrize(
     ("days", "event", "changed", "pairs"),
-    [(21900, FORWARDS, 43, [("b", "c")]), (-21900, BACKWARDS, 107, [("b", "d"), ("b", "c"), ("c", "d")])],
+    first(1, [
+        (21900, FORWARDS, 43, [("b", "c")]), (-21900, BACKWARDS, 107, [("b", "d"), ("b", "c"), ("c", "d")])
+    ]),
 )
 def test_an_encounter_that_begins_soon_after_a_change_is_listed(days, event, changed, pairs, tmp_path):
     """All bodies are in chosen steps when it begins, for the rest of the step of the change; resumed within the first

@@ -151,7 +151,7 @@ def test_a_term_that_depends_on_time_moves_all_by_what_it_is(particle):
 
 
 def test_time_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_taken_up_again():
-    system = three(**PARTICLE).with_terms(SPIN, Swaying()).with_forces(DRAG)
+    system = three(**PARTICLE).with_terms(SPIN, FLAT, Swaying()).with_forces(DRAG)
     run = march(system, orbits.Gauss(stages=8), duration=4.0, samples=5)
     assert np.max(np.abs(run.at(2.7).q.value - march(system, orbits.Gauss(stages=8), duration=2.7).q.value[-1])) < 1e-14
     again = march(run[2], orbits.Gauss(stages=8), duration=2.0, samples=3)
