@@ -16,7 +16,7 @@ from orbits.propagation.results import error_estimate
 from orbits.regression.reference import exact
 from orbits.results import error_bars
 
-from ..coverings import first
+from ..coverings import cover, first
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
 YEAR = 2 * np.pi
@@ -93,8 +93,7 @@ def test_where_the_steps_limit_a_run_the_bar_is_twice_its_error(method, steps):
     assert "steps" in repr(bars)
 
 
-@pytest.mark.parametrize("away", [0.0, 100.0])
-@pytest.mark.parametrize("dt", [None, YEAR / 30])
+@cover(("dt", "away"), [None, YEAR / 30], [0.0, 100.0], strength=1)
 def test_the_second_companion_differs_by_round_off_not_by_the_response_to_another_start(dt, away):
     logs = []
     for e in (0.1, 0.2, 0.3):

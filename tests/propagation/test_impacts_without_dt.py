@@ -13,6 +13,7 @@ from astropy import units as u
 import orbits
 from orbits.events import Bounce, Collision, Merge
 
+from ..coverings import cover
 from ..encounters import apophis_2029
 
 D = orbits.DIMENSIONLESS
@@ -38,8 +39,7 @@ def falling(radius: float = 0.01) -> orbits.System:
     return orbits.System(names, gm=gm, q=q, v=v, radii=[radius, 0, 0, 0, 0.5 * radius], units=D)
 
 
-@pytest.mark.parametrize("radius", [0.1, 0.01, 1e-4, 1e-7])
-@pytest.mark.parametrize("direction", [1, -1])
+@cover(("radius", "direction"), [0.1, 0.01, 1e-4, 1e-7], [1, -1], strength=1)
 def test_a_radial_fall_ends_at_the_surface_at_keplers_time(radius: float, direction: int) -> None:
     """To a few units in the last place of the time, all within the first step of the bodies."""
     start = falling(radius)
