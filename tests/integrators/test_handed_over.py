@@ -154,7 +154,7 @@ def test_closest_approaches_of_followed_particles_do_not_depend_on_threads():
     start = system(CROSSERS)
     options = {"dt": 25 * u.day, "samples": 2, "approaches": True, "progress": False}
     one, other = (
-        orbits.propagate(start, FOLLOW, duration=-100 * u.yr, threads=threads, **options)
+        orbits.propagate(start, FOLLOW, duration=-30 * u.yr, threads=threads, **options)
         for threads in (1, 5)
     )
     found, expected = other.closest_approaches().distance, one.closest_approaches().distance
