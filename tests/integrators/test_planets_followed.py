@@ -340,16 +340,17 @@ def test_impacts_are_at_the_surface_whatever_the_samples(mass, sizes, radius, co
     method = orbits.WisdomHolman(encounters="follow")
     options = {**OPTIONS, "duration": 200 * u.yr}
     seen = []
-    for samples in (3, 9, 101, 1001):
+    for samples in (3, 101):
         run = orbits.propagate(start.replaced(radii=radii * u.au), method, samples=samples, **options)
         seen.append([(one.name, one.reason, one.time.value, one.q.value.tolist()) for one in run.retired])
     assert len(seen[0]) == count
-    assert seen == [seen[0]] * 4
+    assert seen == [seen[0]] * 2
+    times = np.unique([0.0, *(one.time.value for one in run.retired), 200 * YEAR])
+    free = orbits.propagate(start, method, samples=times * u.day, **options)
     for one in run.retired:
-        there = orbits.propagate(start, method, samples=[0.0, one.time.value, 200 * YEAR] * u.day, **options)
-        body = start.names.index(one.reason.split()[-1])
+        there, body = free.q.value[times == one.time.value], start.names.index(one.reason.split()[-1])
         # Reached: 5e-12, of which one.time leaves the rounding errors.
-        assert abs(np.linalg.norm((one.q - there.q[1, body]).value) / radii[body] - 1.0) < 1e-10
+        assert abs(np.linalg.norm(one.q.value - there[0, body]) / radii[body] - 1.0) < 1e-10
 
 
 def test_what_does_not_fit_is_refused():

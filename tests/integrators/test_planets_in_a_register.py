@@ -115,7 +115,8 @@ def test_a_step_in_two_registers_is_that_by_passes_over_memory(kick, count):
     assert np.abs(both).max() < 4e-18
 
 
-@pytest.mark.parametrize("kick", first(1, ["standard", "modified-kick", "lazy"]))
+@pytest.mark.nightly
+@pytest.mark.parametrize("kick", ["standard", "modified-kick", "lazy"])
 def test_planets_in_two_registers_have_the_same_bits_with_particles_and_without(kick):
     gm, q, v = crowded(12)
     alone = marcher(gm, q, v, 0.05, kernel=kick)
