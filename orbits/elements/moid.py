@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.elements.kepler_equation import Floats
+from orbits.elements.states_from_elements import perifocal_axes
 
 DEGREE = 10
 """Of g in the first true anomaly."""
@@ -63,10 +64,7 @@ class Conics(NamedTuple):
     @classmethod
     def of(cls, q: Floats, e: Floats, inc: Floats, Omega: Floats, omega: Floats) -> Conics:
         """Return orbits by pericentre distances, eccentricities and angles, (..., n) each."""
-        (ci, si), (cO, sO), (co, so) = ((np.cos(x), np.sin(x)) for x in (inc, Omega, omega))
-        along = np.stack([cO * co - sO * so * ci, sO * co + cO * so * ci, so * si], axis=-1)
-        across = np.stack([-cO * so - sO * co * ci, -sO * so + cO * co * ci, co * si], axis=-1)
-        return cls(q * (1.0 + e), e, along, across)
+        return cls(q * (1.0 + e), e, *perifocal_axes(inc, Omega, omega))
 
     def some(self, rows: int | slice | NDArray[np.intp]) -> Conics:
         """Return those of the given rows."""
