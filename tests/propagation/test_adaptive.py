@@ -360,7 +360,7 @@ def test_a_run_without_dt_says_how_its_steps_were_chosen():
         assert run.made_by == f"Gauss(stages={stages}), adaptive steps (tolerance {tolerance})"
         assert run.made_by in repr(run)
         attributes = run.to_table().meta
-        assert attributes["steps"] == run.to_xarray().attrs["steps"] == f"adaptive, tolerance {tolerance}"
+        assert attributes["steps"] == run.to_xarray().attrs["steps"] == f"adaptive steps (tolerance {tolerance})"
         assert "dt" not in attributes
     fixed = propagate(start, 1.0, dt=0.125, samples=2).to_table().meta
     assert fixed["dt"] == 0.125

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -117,20 +118,20 @@ class ChangingSteps(Clock):
         """Return whether the second times do not lie before the first."""
         return bool(((when - steps) * self.direction >= 0.0).all())
 
-    def towards(self, direction: float) -> ChangingSteps:
+    def towards(self, direction: float) -> Self:
         """Return this clock for a run in a direction, 1 or -1."""
-        raise NotImplementedError
+        clock: Self = replace(self)  # type: ignore[type-var]
+        object.__setattr__(clock, "direction", math.copysign(1.0, direction))
+        return clock
 
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
-        raise NotImplementedError
+        numbers = np.zeros(NUMBERS)
+        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
+        return numbers
 
     def describe(self, integrator: Any) -> str:
         """Return the steps of a method in words, as in: adaptive steps (tolerance 1e-09)."""
-        raise NotImplementedError
-
-    def attribute(self, integrator: Any) -> str:
-        """Return the same for a table's attributes, as in: adaptive, tolerance 1e-09."""
         raise NotImplementedError
 
     def step_times(self, start: float) -> ChosenTimes:
