@@ -10,6 +10,8 @@ from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, ConstantSteps
 from orbits.marching.legs.march import March
 from orbits.propagation.chain_of_legs import ChainOfLegs
+from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
+from orbits.propagation.collisions.of_a_run import Collisions
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import bound
@@ -57,6 +59,8 @@ def march_of_run(
             f"collisions are sought, but {integrator.label} cannot follow bodies that come close to each other. Use "
             "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
         )
-    march_on = ChainOfLegs(system, integrator, clock, threads, events, approaches)
-    events.check(march_on.current)
-    return march_on
+    collisions = Collisions(system, events.touching) if events.touching else None
+    bodies = BodiesOfRun(system, integrator, clock, threads, collisions, bool(events), approaches)
+    chain = ChainOfLegs(bodies, events)
+    events.check(chain.current)
+    return chain

@@ -16,7 +16,7 @@ from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs import within_step
-from orbits.marching.legs.excursions.planet_excursions import Legs
+from orbits.marching.legs.leg import Leg
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
 from orbits.propagation.collisions.impact import Impact, Step, impacts
@@ -35,17 +35,31 @@ Array = NDArray[np.float64]
 Checkpoint = dict[str, NDArray[Any]]
 
 
-class Ahead(NamedTuple):
-    """A step: the marches where it begins and ends, the time at which it ends, and the collisions in it, in the order
-    of time.
+class End(NamedTuple):
+    """The end of a step in which bodies may touch: its time, q and v there, and the massless bodies that may."""
 
-    passed : the motion in whole steps before it in which no events were sought
+    time: float
+    state: tuple[Array, Array]
+    touching: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, leg: Leg) -> End | None:
+        """Return the end of the last step of a leg, or None if no bodies may touch in it."""
+        if leg.met is None:
+            return None
+        return cls(leg.time, leg.state(), leg.observers.touching(leg.loop.taken))
+
+
+class Ahead(NamedTuple):
+    """A step: the leg where it begins, the time at which it ends, and the collisions in it, in the order of time.
+
+    after : a leg where it ends; passed : the motion in whole steps before it in which no events were sought
     """
 
-    start: Legs
-    after: Legs
+    start: Leg
     end: float
     impacts: list[Impact]
+    after: Leg | None = None
     passed: tuple[Motion, ...] = ()
 
 
@@ -53,12 +67,12 @@ class Outcome(NamedTuple):
     """What interrupts a march at a contact.
 
     found : an event before it, or at it; ended : the row of the collision that ends the run, and the bodies there
-    start, time, state : where another leg begins: the march at the beginning of the step, and the changed bodies
+    start, time, state : where another leg begins: the leg at the beginning of the step, and the changed bodies
     """
 
     found: Found | None = None
     ended: tuple[Array, State] | None = None
-    start: Legs | None = None
+    start: Leg | None = None
     time: float = 0.0
     state: State | None = None
 
@@ -78,37 +92,37 @@ class Contacts:
         """Forget the steps ahead: the march goes on."""
         self._ahead = None
 
-    def may_lie_before(self, march: Legs, time: float) -> bool:
-        """Return whether there may be contacts between a march and a time up to which it has taken its steps."""
+    def may_lie_before(self, leg: Leg, time: float) -> bool:
+        """Return whether there may be contacts between a leg and a time up to which it has taken its steps."""
         ahead = self._ahead
-        if not self._is_later(time, march.time):
+        if not self._is_later(time, leg.time):
             return False
         if ahead is None or not self._is_later(ahead.end, time):
             return True
         return any(not self._is_later(x.time, time) and not self._is_known(x) for x in ahead.impacts)
 
-    def before(self, march: Legs, time: float) -> Outcome | None:
-        """Deal with the contacts of the next step ahead of a march, up to a time; return what interrupts it, if any."""
+    def before(self, leg: Leg, time: float) -> Outcome | None:
+        """Deal with the contacts of the next step ahead of a leg, up to a time; return what interrupts it, if any."""
         ahead = self._ahead
         if ahead is None:
-            ahead = self._step_after(march, ())
+            ahead = self._step_after(leg, ())
         elif not self._is_later(ahead.end, time):
             # Several steps, if they become shorter than the one that the clock tried and did not take.
-            ahead = self._step_after(ahead.after, (*ahead.passed, ahead.after.last.motion()) if self._events else ())
+            assert ahead.after is not None
+            ahead = self._step_after(ahead.after, (*ahead.passed, ahead.after.motion()) if self._events else ())
         self._ahead = ahead
-        return self._first(march, ahead, time)
+        return self._first(leg, ahead, time)
 
-    def in_step_after(self, march: Legs) -> Outcome | None:
-        """Deal with the contacts of the next step of a march; return what interrupts it, if any."""
-        ahead = self._step_after(march, ())
-        return self._first(march, ahead, ahead.end)
+    def in_step(self, leg: Leg, end: End) -> Outcome | None:
+        """Deal with the contacts of the next step of a leg, which ends there; return what interrupts it, if any."""
+        return self._first(leg, Ahead(leg, end.time, self._impacts(leg, end)), end.time)
 
     def follow_events(self) -> None:
         """Seek the events of the bodies that are there now, in a run that is resumed."""
-        of, known = self._of, self._of.changes()
-        of_massive = of.massive[of.rows[:, changes.BODY].astype(int)]
-        for time in (np.unique(of.rows[of_massive, changes.TIME] * self._direction) * self._direction).tolist():
-            bodies = known.bodies_at(time)
+        of, rows = self._of, self._of.changes.rows
+        of_massive = of.massive[rows[:, changes.BODY].astype(int)]
+        for time in (np.unique(rows[of_massive, changes.TIME] * self._direction) * self._direction).tolist():
+            bodies = of.changes.bodies_at(time)
             self._events.go_on_with(Left(bodies, of.massive & ~bodies.present, time))
 
     def _is_later(self, time: float, other: float) -> bool:
@@ -124,18 +138,18 @@ class Contacts:
 
     # --------------------------------------------------------------------------------------------- what happens
 
-    def _first(self, march: Legs, ahead: Ahead, until: float) -> Outcome | None:
-        """Deal with the collisions of a step, up to a time; return what interrupts the march first, if any."""
+    def _first(self, leg: Leg, ahead: Ahead, until: float) -> Outcome | None:
+        """Deal with the collisions of a step, up to a time; return what interrupts the leg first, if any."""
         for impact in ahead.impacts:
             if self._is_later(impact.time, until):
                 return None
             if not self._is_known(impact):
-                outcome = self._collide(march, ahead, impact)
+                outcome = self._collide(leg, ahead, impact)
                 if outcome is not None:
                     return outcome
         return None
 
-    def _collide(self, march: Legs, ahead: Ahead, impact: Impact) -> Outcome | None:
+    def _collide(self, leg: Leg, ahead: Ahead, impact: Impact) -> Outcome | None:
         """Let two bodies collide in a step."""
         of, start, time = self._of, ahead.start, impact.time
         q, v = of.whole(state_in_step(start, time), start.time)
@@ -158,8 +172,8 @@ class Contacts:
         if done.vanished is not None:  # massless: nothing else changes by a bit
             numbers = np.cumsum(of.there) - 1
             for body in done.vanished:
-                for home in {march.home, start.home}:
-                    home.losses.retire(home, int(numbers[body]), IMPACT, start.step, time, q[body], v[body])
+                for one in {leg, start}:
+                    one.losses.retire(one, int(numbers[body]), IMPACT, start.step, time, q[body], v[body])
         if not changed:
             return None
         if self._events:
@@ -182,7 +196,7 @@ class Contacts:
         if not self._is_later(time, ahead.start.time):
             return None
         there = self._of.present_massive()
-        for motion, ends in stretches(*within_step.towards(ahead.start.leg, time)):
+        for motion, ends in stretches(*within_step.towards(ahead.start, time)):
             if ends:
                 motion.end_in(q[there], v[there])
             found = self._events.search(motion)
@@ -192,37 +206,38 @@ class Contacts:
 
     # ------------------------------------------------------------------------------------------- the steps ahead
 
-    def _step_after(self, march: Legs, passed: tuple[Motion, ...]) -> Ahead:
-        """Search the next step of a march, on a copy; passed : the motion in those before it."""
-        after = self._of.again(march, seek=True)
-        after.home.advance(1)
-        end = after.time if after.step > march.step else self._direction * math.inf  # nothing attracts
-        return Ahead(march, after, end, self._impacts(march, after) if after.last.met is not None else [], passed)
+    def _step_after(self, leg: Leg, passed: tuple[Motion, ...]) -> Ahead:
+        """Search the next step of a leg, on a copy; passed : the motion in those before it."""
+        after = self._of.again(leg, seek=True)
+        after.advance(1)
+        time = after.time if after.step > leg.step else self._direction * math.inf  # nothing attracts
+        end = End.of(after)
+        return Ahead(leg, time, [] if end is None else self._impacts(leg, end), after, passed)
 
-    def _impacts(self, start: Legs, after: Legs) -> list[Impact]:
-        """Return the collisions in the step between two states of a march, in the order of time."""
+    def _impacts(self, start: Leg, end: End) -> list[Impact]:
+        """Return the collisions in the step from where a leg is to an end, in the order of time."""
         of, collisions, whole = self._of, self._collisions, self._of.whole
-        q, v = whole(start.state(), start.time), whole(after.state(), start.time)
+        q, v = whole(start.state(), start.time), whole(end.state, start.time)
 
         def at(time: float) -> tuple[Array, Array]:
             return whole(state_in_step(start, time), start.time)
 
         massive, radii, order = np.flatnonzero(of.present_massive()), of.bodies.radii, of.integrator.order
-        step = Step(start.time, after.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
-        if not start.clock.changes or of.massive.all():
+        step = Step(start.time, end.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
+        if not start.clock.lets_particles_choose or of.massive.all():
             return impacts(step, radii, collisions.passes, order)
         for x in (*step.before, *step.after):
             x[~of.massive] = np.nan
         found = impacts(step, radii, collisions.passes, order)
         numbers = np.flatnonzero(of.there)
-        for particle in numbers[after.home.observers.touching(after.home.loop.taken)].tolist():
+        for particle in numbers[end.touching].tolist():
             if of.bodies.present[particle]:
                 large = massive[radii[massive] + radii[particle] > 0.0].tolist()
                 pairs = [(min(body, particle), max(body, particle)) for body in large]
                 found += impacts(self._step_of(particle, start, step), radii, collisions.passes, order, pairs)
         return sorted(found, key=lambda x: (x.time * self._direction, x.first, x.second))
 
-    def _step_of(self, particle: int, start: Legs, step: Step) -> Step:
+    def _step_of(self, particle: int, start: Leg, step: Step) -> Step:
         """Return a step of the massive bodies and a massless one, which covers it by steps of its own."""
         of, values, there = self._of, self._of.system.values, self._of.present_massive()
         there[particle] = True
