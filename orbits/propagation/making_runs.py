@@ -85,7 +85,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
     if grid.clock.changes:
         check_length(system, grid)
     check_before_start(system, integrator, grid, how.check_step)
-    watch = RunEnds(conditions, how.callback, bool(how.check_step), seeking, deadline=how.wall_time)
+    watch = RunEnds(system, marcher, conditions, how.callback, bool(how.check_step), seeking, deadline=how.wall_time)
     accounts = no_accounts(len(grid), len(system.forces), most_inner(system))
     check_what_is_kept(system, integrator, seeking, dense=dense)
     if dense and archive is None:
@@ -162,6 +162,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(()), None, True, seeking, last_sample(old, old.committed), how.wall_time)
+    before = last_sample(old, old.committed)
+    watch = RunEnds(system, marcher, Conditions(()), None, True, seeking, before, how.wall_time)
     rest = Run(system, integrator, marcher, grid, old.committed, begin, how.progress, watch, accounts, steps)
     return rest._replace(release=old.close, heartbeat=how.heartbeat)
