@@ -22,6 +22,7 @@ from orbits.propagation.checks.rigid_runs import check_rigid
 from orbits.propagation.control.heartbeat import Heartbeat
 from orbits.propagation.control.stop_conditions import Condition, Conditions, check_callback
 from orbits.propagation.control.wall_clock import Deadline
+from orbits.propagation.events.archived import description_of
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Run, march
@@ -115,7 +116,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             checkpoint=checkpoint_of(marcher, accounts, seeking, pace=Pace()),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
-            events=seeking.described(),
+            events=description_of(seeking),
             steps=room_for_steps(system, integrator, grid) if dense else 0,
             origin=how.origin,
             approaches=marcher.current.problem.approaches,

@@ -19,7 +19,7 @@ from orbits.marching.watching.leg_observers import ENERGY
 from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver, asks_to_stop
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Found, Happening, Sample, Sought
-from orbits.propagation.events.particles import ParticleSearches
+from orbits.propagation.events.search.of_particles import ParticleSearches
 from orbits.propagation.events.seeking import Seeking
 from orbits.results.stop import Stop
 from orbits.system import System

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import Leg
 from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
@@ -23,8 +22,7 @@ from orbits.propagation.collisions.impact import Impact, Step, impacts
 from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import Collisions
 from orbits.propagation.events.base import Found
-from orbits.propagation.events.left import Left
-from orbits.propagation.events.particles import stretches
+from orbits.propagation.events.bodies_left import Left
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import bound
 from orbits.trajectory import changes
@@ -192,17 +190,8 @@ class Contacts:
             found = self._events.take(motion)
             if found is not None:
                 return found
-        self._events.flush()
-        if not self._is_later(time, ahead.start.time):
-            return None
         there = self._of.present_massive()
-        for motion, ends in stretches(*within_step.towards(ahead.start, time)):
-            if ends:
-                motion.end_in(q[there], v[there])
-            found = self._events.search(motion)
-            if found is not None:
-                return found
-        return None
+        return self._events.before(ahead.start, time, record=True, end=(q[there], v[there]))
 
     # ------------------------------------------------------------------------------------------- the steps ahead
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from orbits.errors import ArchiveError
 from orbits.marching.legs.march import March
+from orbits.propagation.events.archived import sought_again
 from orbits.propagation.events.base import Sample, Sought
-from orbits.propagation.events.from_archive import sought_again
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import restore
