@@ -130,25 +130,28 @@ class ChainOfLegs(March):
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place or a collision. Raises what `advance` raises."""
-        self.found, leg = None, self._leg
-        if not self._steps_before(place):
-            assert self._contacts is not None
-            self._interrupt(self._contacts.before(leg.home, self.clock.time_at(place)))
-            return
-        if self._contacts is not None:
-            self._contacts.forget()
+        self.found, leg, contacts = None, self._leg, self._contacts
         try:
-            leg.approach(place if self._grid < 0 else Place(1, 0.0))
+            if self._steps_before(place):
+                leg.approach(place if self._grid < 0 else Place(1, 0.0))
+            elif contacts is not None:
+                time = self.clock.time_at(place)
+                if not contacts.takes_step_up_to(leg.home, time):
+                    self._interrupt(contacts.before(leg.home, time))
+                    return
         except IntegrationError:
             if self._seeks:
                 self._events.after(leg)  # the steps before the one that failed
             raise
-        touched = None if self._contacts is None else End.of(leg.home)
+        touched = None
+        if contacts is not None:
+            contacts.forget()
+            touched = None if leg.home.met is None else End.of(leg.home)
         if touched is not None:
             step_back(leg)
         self.found = self._events.after(leg) if self._seeks else None
-        if self._contacts is not None and touched is not None and self.found is None:
-            self._interrupt(self._contacts.in_step(leg.home, touched))
+        if contacts is not None and touched is not None and self.found is None:
+            self._interrupt(contacts.in_step(leg.home, touched))
             if leg is self._leg and self.found is None and self.ended is None:
                 pass_by(leg)
 
@@ -156,9 +159,8 @@ class ChainOfLegs(March):
         """Do what a contact leads to."""
         if outcome is not None:
             self.found, self.ended = outcome.found, outcome.ended
-            if outcome.start is not None and outcome.state is not None:
-                self._work = self._work + outcome.start.accounts()
-                self._begin_leg(outcome.start, outcome.time, outcome.state)
+            if outcome.state is not None:
+                self._begin_leg(outcome.time, outcome.state)
 
     def change(self, kind: str, time: float, q: Array, v: Array, before: System, after: System) -> None:
         """Go on with changed bodies from a time in the step that begins where the march is.
@@ -170,8 +172,7 @@ class ChainOfLegs(March):
         if not len(rows):
             return
         self.bodies.note(rows)
-        self._work = self._work + self._leg.accounts()
-        self._begin_leg(self._leg, time, state)
+        self._begin_leg(time, state)
 
     def follow_events(self) -> None:
         """Seek the events of the bodies that are there now, after a change, or in a run that is resumed."""
@@ -192,16 +193,17 @@ class ChainOfLegs(March):
     def _steps_before(self, place: Place) -> bool:
         return place.steps > self._grid if self._grid >= 0 else self._leg.is_before(place)
 
-    def _begin_leg(self, start: Legs, time: float, state: State) -> None:
-        """Go on from a changed state at a time in the step that begins where the march `start` is."""
+    def _begin_leg(self, time: float, state: State) -> None:
+        """Go on from a changed state at a time in the next step."""
         self.changed = True
+        self._work = self._work + self._leg.accounts()
         if self._contacts is not None:
             self._contacts.forget()
-        grid, lost = self._grid if self._grid >= 0 else start.step, self._leg
+        grid, lost = self._grid if self._grid >= 0 else self._leg.step, self._leg
         clock, begun, steps = lost.begun_within(self.clock, grid, time)
         self._grid = grid if clock is not self.clock else -1
         if clock.lets_particles_choose and not self.bodies.massive.all():  # by then, not by the end of the step
-            lost = self.bodies.again(start.home)
+            lost = self.bodies.again(lost.home)
             lost.times.end_exactly()
             lost.advance_to(Place(0, time))
         self.bodies.begin_leg()

@@ -96,19 +96,17 @@ class BodiesOfRun:
         """Return which massive bodies are there, (n,)."""
         return np.asarray(self.massive & self.bodies.present)
 
-    def march(
-        self, q: Array, v: Array, clock: Clock, time: float = 0.0, *, seek: bool = True, copy: bool = False
-    ) -> Legs:
+    def march(self, q: Array, v: Array, clock: Clock, time: float = 0.0, *, copy: bool = False) -> Legs:
         """Return a march of the bodies of this leg, of q and v (there, 3), from a time on.
 
-        seek : whether it ends where bodies may touch; copy : whether it is a copy, for few steps, which is not closed
+        copy : whether it is a copy, for few steps, which is not closed, and passes where bodies may touch
         """
         if self._leg is None:
             self._leg = of_bodies(self.system, self.bodies._replace(present=self.there))
         q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
-        seek = seek and self.collisions is not None
-        radii = self.collisions.sought(self.bodies.radii)[self.there] if seek and self.collisions else None
-        threads = 1 if copy else self._threads
+        radii, threads = None, 1 if copy else self._threads
+        if self.collisions is not None and not copy:
+            radii = self.collisions.sought(self.bodies.radii)[self.there]
         made = bound(
             self._leg,
             self.integrator,
@@ -123,12 +121,11 @@ class BodiesOfRun:
             made.home.times.begin_at(time)
         return made
 
-    def again(self, leg: Leg, *, seek: bool = False) -> Leg:
-        """Return a copy of a leg of the bodies that are there, without a goal."""
-        values, there, times = self.system.values, self.there, leg.times
-        again = self.march(values.q[there], values.v[there], leg.clock, times.start, seek=seek, copy=True).home
+    def again(self, leg: Leg) -> Leg:
+        """Return a copy of a leg of the bodies that are there."""
+        values, there = self.system.values, self.there
+        again = self.march(values.q[there], values.v[there], leg.clock, leg.times.start, copy=True).home
         again.restore(leg.checkpoint())
-        again.times.aim(again.times.next_place())
         return again
 
     def whole(self, state: tuple[Array, Array], time: float) -> tuple[Array, Array]:

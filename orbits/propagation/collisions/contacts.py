@@ -1,7 +1,7 @@
-"""What a chain of legs does where two of its bodies may touch: the step is searched on copies, and the bodies collide.
+"""What a chain of legs does where two of its bodies may touch: the step is searched, and the bodies collide.
 
-A leg ends before such a step. The copies cover it, and those after it up to the next sample; each collision in them
-changes the bodies, ends the run, or is only listed.
+A leg ends before such a step. So it does before a sample within a step, which it takes and takes back, to know what
+collides in it before the sample. Each collision changes the bodies, ends the run, or is only listed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
-from orbits.marching.stepping.motion import Motion
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
 from orbits.propagation.collisions.impact import Impact, Step, impacts
 from orbits.propagation.collisions.merge_and_bounce import State
@@ -43,34 +42,28 @@ class End(NamedTuple):
     @classmethod
     def of(cls, leg: Leg) -> End | None:
         """Return the end of the last step of a leg, or None if no bodies may touch in it."""
-        if leg.met is None:
+        count = leg.loop.taken
+        if not leg.observers.touched_first_in(count):
             return None
-        return cls(leg.time, leg.state(), leg.observers.touching(leg.loop.taken))
+        return cls(leg.time, leg.state(), leg.observers.touching(count))
 
 
 class Ahead(NamedTuple):
-    """A step: the leg where it begins, the time at which it ends, and the collisions in it, in the order of time.
+    """The next step of a leg: the time at which it ends, and the collisions in it, in the order of time."""
 
-    after : a leg where it ends; passed : the motion in whole steps before it in which no events were sought
-    """
-
-    start: Leg
     end: float
     impacts: list[Impact]
-    after: Leg | None = None
-    passed: tuple[Motion, ...] = ()
 
 
 class Outcome(NamedTuple):
     """What interrupts a march at a contact.
 
     found : an event before it, or at it; ended : the row of the collision that ends the run, and the bodies there
-    start, time, state : where another leg begins: the leg at the beginning of the step, and the changed bodies
+    time, state : where another leg begins: a time in the next step, and the changed bodies
     """
 
     found: Found | None = None
     ended: tuple[Array, State] | None = None
-    start: Leg | None = None
     time: float = 0.0
     state: State | None = None
 
@@ -87,7 +80,7 @@ class Contacts:
         self._ahead: Ahead | None = None
 
     def forget(self) -> None:
-        """Forget the steps ahead: the march goes on."""
+        """Forget the step ahead: the march goes on."""
         self._ahead = None
 
     def may_lie_before(self, leg: Leg, time: float) -> bool:
@@ -99,21 +92,40 @@ class Contacts:
             return True
         return any(not self._is_later(x.time, time) and not self._is_known(x) for x in ahead.impacts)
 
+    def takes_step_up_to(self, leg: Leg, time: float) -> bool:
+        """Take the next step of a leg, and return whether it leads no further than to a time: it may become shorter
+        than the one that the clock tried and did not take. Otherwise it is taken back; what collides in it is known.
+        """
+        if self._ahead is not None and self._is_later(self._ahead.end, time):
+            return False
+        stepper, retired = leg.stepper, leg.losses.retired
+        kept, counts, known = stepper.copied(), stepper.counts(), retired.table().copy()
+        leg.times.aim(leg.times.next_place())
+        leg.advance(1)
+        reached = leg.time if leg.loop.taken else self._direction * math.inf  # nothing attracts
+        if not self._is_later(reached, time):
+            leg.bounds.passes = False
+            return True
+        end = End.of(leg) if leg.loop.taken else None
+        leg.go_back(0)
+        for name, array in kept.items():  # also of particles that were lost at the beginning of the step
+            stepper.state[name][...] = array
+        retired.take_back(known, leg.step)
+        stepper.evaluations, stepper.particle_evaluations = counts
+        leg.met = None
+        self._ahead = Ahead(reached, [] if end is None else self._impacts(leg, end))
+        return False
+
     def before(self, leg: Leg, time: float) -> Outcome | None:
-        """Deal with the contacts of the next step ahead of a leg, up to a time; return what interrupts it, if any."""
-        ahead = self._ahead
-        if ahead is None:
-            ahead = self._step_after(leg, ())
-        elif not self._is_later(ahead.end, time):
-            # Several steps, if they become shorter than the one that the clock tried and did not take.
-            assert ahead.after is not None
-            ahead = self._step_after(ahead.after, (*ahead.passed, ahead.after.motion()) if self._events else ())
-        self._ahead = ahead
-        return self._first(leg, ahead, time)
+        """Deal with the contacts in the step that was taken back, up to a time; return what interrupts the leg first,
+        if any.
+        """
+        assert self._ahead is not None
+        return self._first(leg, self._ahead.impacts, time)
 
     def in_step(self, leg: Leg, end: End) -> Outcome | None:
         """Deal with the contacts of the next step of a leg, which ends there; return what interrupts it, if any."""
-        return self._first(leg, Ahead(leg, end.time, self._impacts(leg, end)), end.time)
+        return self._first(leg, self._impacts(leg, end), end.time)
 
     def follow_events(self) -> None:
         """Seek the events of the bodies that are there now, in a run that is resumed."""
@@ -136,30 +148,30 @@ class Contacts:
 
     # --------------------------------------------------------------------------------------------- what happens
 
-    def _first(self, leg: Leg, ahead: Ahead, until: float) -> Outcome | None:
+    def _first(self, leg: Leg, found: list[Impact], until: float) -> Outcome | None:
         """Deal with the collisions of a step, up to a time; return what interrupts the leg first, if any."""
-        for impact in ahead.impacts:
+        for impact in found:
             if self._is_later(impact.time, until):
                 return None
             if not self._is_known(impact):
-                outcome = self._collide(leg, ahead, impact)
+                outcome = self._collide(leg, impact)
                 if outcome is not None:
                     return outcome
         return None
 
-    def _collide(self, leg: Leg, ahead: Ahead, impact: Impact) -> Outcome | None:
-        """Let two bodies collide in a step."""
-        of, start, time = self._of, ahead.start, impact.time
-        q, v = of.whole(state_in_step(start, time), start.time)
+    def _collide(self, leg: Leg, impact: Impact) -> Outcome | None:
+        """Let two bodies collide in the next step of a leg."""
+        of, time = self._of, impact.time
+        q, v = of.whole(state_in_step(leg, time), leg.time)
         before = State(of.bodies.gm, of.bodies.radii, q, v)
         known = self._collisions.events(self._events.log.rows)
         try:
             done = self._collisions.act(of.system, of.bodies, before, impact, known, self._direction)
         except IntegrationError:
-            self._seek_up_to(ahead, time, q, v)
+            self._seek_up_to(leg, time, q, v)
             raise
         changed = len(done.rows) > 0 and done.vanished is None
-        found = self._seek_up_to(ahead, time, q, v) if done.ends or changed else None
+        found = self._seek_up_to(leg, time, q, v) if done.ends or changed else None
         if found is not None:
             return Outcome(found)
         for row in done.found:
@@ -170,38 +182,23 @@ class Contacts:
         if done.vanished is not None:  # massless: nothing else changes by a bit
             numbers = np.cumsum(of.there) - 1
             for body in done.vanished:
-                for one in {leg, start}:
-                    one.losses.retire(one, int(numbers[body]), IMPACT, start.step, time, q[body], v[body])
+                leg.losses.retire(leg, int(numbers[body]), IMPACT, leg.step, time, q[body], v[body])
         if not changed:
             return None
         if self._events:
             left = Left(of.bodies, of.massive & ~of.bodies.present, time)
             found = self._events.go_through(time, (q, v), (done.after.q, done.after.v), left)
-        return Outcome(found, None, start, time, done.after)
+        return Outcome(found, None, time, done.after)
 
-    def _seek_up_to(self, ahead: Ahead, time: float, q: Array, v: Array) -> Found | None:
-        """Seek events up to a collision, in a step; return the first one that interrupts the run, if any.
+    def _seek_up_to(self, leg: Leg, time: float, q: Array, v: Array) -> Found | None:
+        """Seek events up to a collision in the next step; return the first one that interrupts the run, if any.
 
         q, v : of all bodies there, (n, 3)
         """
-        if not self._events:
-            return None
-        for motion in ahead.passed:
-            found = self._events.take(motion)
-            if found is not None:
-                return found
         there = self._of.present_massive()
-        return self._events.before(ahead.start, time, record=True, end=(q[there], v[there]))
+        return self._events.before(leg, time, record=True, end=(q[there], v[there]))
 
-    # ------------------------------------------------------------------------------------------- the steps ahead
-
-    def _step_after(self, leg: Leg, passed: tuple[Motion, ...]) -> Ahead:
-        """Search the next step of a leg, on a copy; passed : the motion in those before it."""
-        after = self._of.again(leg, seek=True)
-        after.advance(1)
-        time = after.time if after.step > leg.step else self._direction * math.inf  # nothing attracts
-        end = End.of(after)
-        return Ahead(leg, time, [] if end is None else self._impacts(leg, end), after, passed)
+    # ----------------------------------------------------------------------------------------------- the search
 
     def _impacts(self, start: Leg, end: End) -> list[Impact]:
         """Return the collisions in the step from where a leg is to an end, in the order of time."""
