@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from orbits.errors import ArchiveError, IntegrationError, StorageError
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
@@ -203,9 +204,7 @@ class ChainOfLegs(March):
         clock, begun, steps = lost.begun_within(self.clock, grid, time)
         self._grid = grid if clock is not self.clock else -1
         if clock.lets_particles_choose and not self.bodies.massive.all():  # by then, not by the end of the step
-            lost = self.bodies.again(lost.home)
-            lost.times.end_exactly()
-            lost.advance_to(Place(0, time))
+            lost = within_step.ended_at(lost.home, time)
         self.bodies.begin_leg()
         there = self.bodies.there
         self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps, time)

@@ -96,22 +96,17 @@ class BodiesOfRun:
         """Return which massive bodies are there, (n,)."""
         return np.asarray(self.massive & self.bodies.present)
 
-    def march(self, q: Array, v: Array, clock: Clock, time: float = 0.0, *, copy: bool = False) -> Legs:
-        """Return a march of the bodies of this leg, of q and v (there, 3), from a time on.
-
-        copy : whether it is a copy, for few steps, which is not closed, and passes where bodies may touch
-        """
+    def march(self, q: Array, v: Array, clock: Clock, time: float = 0.0) -> Legs:
+        """Return a march of the bodies of this leg, of q and v (there, 3), from a time on."""
         if self._leg is None:
             self._leg = of_bodies(self.system, self.bodies._replace(present=self.there))
         q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
-        radii, threads = None, 1 if copy else self._threads
-        if self.collisions is not None and not copy:
-            radii = self.collisions.sought(self.bodies.radii)[self.there]
+        radii = None if self.collisions is None else self.collisions.sought(self.bodies.radii)[self.there]
         made = bound(
             self._leg,
             self.integrator,
             clock,
-            threads,
+            self._threads,
             state=(q, v),
             radii=radii,
             dense=self._dense,
@@ -120,13 +115,6 @@ class BodiesOfRun:
         if time != 0.0:
             made.home.times.begin_at(time)
         return made
-
-    def again(self, leg: Leg) -> Leg:
-        """Return a copy of a leg of the bodies that are there."""
-        values, there = self.system.values, self.there
-        again = self.march(values.q[there], values.v[there], leg.clock, leg.times.start, copy=True).home
-        again.restore(leg.checkpoint())
-        return again
 
     def whole(self, state: tuple[Array, Array], time: float) -> tuple[Array, Array]:
         """Return a state of all bodies of the run, NaN for those that are gone at a time."""
