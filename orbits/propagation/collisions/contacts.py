@@ -7,7 +7,7 @@ collides in it before the sample. Each collision changes the bodies, ends the ru
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +23,10 @@ from orbits.propagation.collisions.of_a_run import Collisions
 from orbits.propagation.events.base import Found
 from orbits.propagation.events.bodies_left import Left
 from orbits.propagation.events.seeking import Seeking
-from orbits.propagation.marchers import bound
 from orbits.trajectory import changes
-from orbits.trajectory.changes import of_bodies
 from orbits.trajectory.events import BODY, OTHER, TIME
 
 Array = NDArray[np.float64]
-Checkpoint = dict[str, NDArray[Any]]
 
 
 class End(NamedTuple):
@@ -225,32 +222,10 @@ class Contacts:
 
     def _step_of(self, particle: int, start: Leg, step: Step) -> Step:
         """Return a step of the massive bodies and a massless one, which covers it by steps of its own."""
-        of, values, there = self._of, self._of.system.values, self._of.present_massive()
-        there[particle] = True
-        system = of_bodies(of.system, of.bodies._replace(present=there))
-        march = bound(system, of.integrator, of.clock, 1, state=(values.q[there], values.v[there]))
-        number = int((~of.massive & of.there)[:particle].sum())
-        march.restore(_alone(start.checkpoint(), march.checkpoint(), number))
+        of, number = self._of, int((~self._of.massive & self._of.there)[:particle].sum())
 
         def at(time: float) -> tuple[Array, Array]:
-            q, v = np.full((2, len(there), 3), np.nan)
-            q[there], v[there] = march.state_at(Place(0, time))
-            return q, v
+            with start.losses.retired.all_but(number):
+                return of.whole(start.state_at(Place(0, time)), start.time)
 
         return step._replace(before=at(step.begin), after=at(step.end), at=at)
-
-
-def _alone(checkpoint: Checkpoint, fresh: Checkpoint, particle: int) -> Checkpoint:
-    """Return the checkpoint of a march of several particles as that of a march of one of them among the same bodies.
-
-    fresh : a checkpoint of that march; particle : the number of the one among the particles
-    """
-    out = dict(fresh)
-    for name in ("counts", "q", "q_lo", "v", "v_lo", "memory", "clock"):
-        out[name] = checkpoint[name]
-    for name in ("particle_q", "particle_q_lo", "particle_v", "particle_v_lo"):
-        out[name] = fresh[name].copy()
-        out[name][:, 0] = checkpoint[name][:, particle]
-    for name in ("particle_memory", "particle_clock", "retired"):
-        out[name] = checkpoint[name][particle : particle + 1]
-    return out
