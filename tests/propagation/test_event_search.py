@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from orbits.propagation.events.base import Bound
-from orbits.propagation.events.brackets import CHECKS, NotFiniteError
-from orbits.propagation.events.search import zeros_of
+from orbits.propagation.events.search.brackets import CHECKS, NotFiniteError
+from orbits.propagation.events.search.zeros import zeros_of
 
 from ..coverings import cover
 

@@ -229,7 +229,7 @@ def test_no_event_is_lost_in_steps_that_are_searched_ahead_of_a_sample(monkeypat
     usual = ChainOfLegs._steps_before
 
     def after_a_change(self: ChainOfLegs, place: Any) -> bool:
-        return len(self.bodies.rows) > 0 and usual(self, place)
+        return len(self.bodies.changes) > 0 and usual(self, place)
 
     monkeypatch.setattr(ChainOfLegs, "_steps_before", after_a_change)
     assert [row[:3] for row in rows(propagate(three(), events, **options))] == [row[:3] for row in rows(whole)]

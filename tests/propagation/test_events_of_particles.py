@@ -16,7 +16,8 @@ from orbits.events import (
     Pericentre,
     WallTimeOver,
 )
-from orbits.propagation.events import asked, particles
+from orbits.marching.legs import within_step
+from orbits.propagation.events import asked
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 from orbits.trajectory.events import NUMBER
 
@@ -247,14 +248,14 @@ def test_a_retired_body_has_the_events_before_it_is_lost_and_none_after():
 
 
 def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(monkeypatch):
-    real = particles.stretches
+    real = within_step.stretches
 
     def failing(march, place):
         if march.problem.start > 10.0:
             raise ConvergenceError("the stages did not converge", step=1, time=0.0)
         return real(march, place)
 
-    monkeypatch.setattr(particles, "stretches", failing)
+    monkeypatch.setattr(within_step, "stretches", failing)
     with pytest.raises(EventError, match=r"of probe cannot be sought from t = 9 to 12: .*smaller dt") as error:
         sought(Pericentre("probe"), dt=0.02)
     run = error.value.trajectory

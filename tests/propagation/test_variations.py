@@ -14,9 +14,9 @@ from orbits.errors import InputError, RetiredWarning, UnknownNameError
 from orbits.integrators import registry
 from orbits.integrators.base import SYMPLECTIC
 from orbits.lagrangians.newtonian import newtonian
+from orbits.marching.legs.within_step import stretches
 from orbits.marching.tangents.of_bodies import Tangents
 from orbits.methods import SABA, LobattoIIIAB
-from orbits.propagation.events.particles import stretches
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import massive_of, particle_of, tangents_of
 from orbits.rebound import to_rebound

@@ -70,13 +70,6 @@ def put_back(room, at, state, carry):
         store(carry, row, load(room, at + WIDTH * row))
 
 
-def ending(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return a checkpoint of a march whose last step is to end at its goal."""
-    clock = checkpoint["clock"].copy()
-    clock[[EXACT, NEXT]] = 1.0, clock[TIME]
-    return {**checkpoint, "clock": clock}
-
-
 def is_number(x: object) -> bool:
     """Return whether x is a real number: not a text, nor True or False."""
     return isinstance(x, int | float | np.floating) and not isinstance(x, bool | str)
@@ -141,6 +134,10 @@ class ChangingSteps(Clock):
     def array(self, integrator: Any, *, alone: bool, given: bool) -> dict[str, Array]:
         """Return the array of the state of the clock, by its name, that a leg changes and archives have."""
         return {"clock": self.numbers_for(integrator)}
+
+    def begun_within(self, step: int, time: float) -> tuple[Clock, float, int]:
+        """Return the steps that are chosen from there on."""
+        return self, time, step
 
     def room(self, block: int, size: int) -> int:
         """Return the length of the workspace: the times of a block since its beginning, the lengths of its steps, the
@@ -265,7 +262,7 @@ class ChosenTimes(StepTimes):
 
     def next_place(self) -> Place:
         """Return a place that no step reaches."""
-        return Place(0, math.inf * self.clock.direction)
+        return Place(0, self.clock.direction * FARTHEST)
 
     def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
         """Return a copy after the steps that the clock chooses, the last one of which ends at the place."""
@@ -296,7 +293,7 @@ class ChosenTimes(StepTimes):
         """
         copy, direction, counts = leg.stepper.copied(), self.clock.direction, leg.stepper.counts()
         now, count = copy["clock"], 0
-        now[LIMIT] = direction * FARTHEST
+        now[LIMIT] = self.next_place().rest
         begun, ends = {}, np.zeros((1, 2))
         try:
             while not count:
@@ -318,6 +315,10 @@ class ChosenTimes(StepTimes):
         """Let a leg begin from the checkpoint of another, and end exactly."""
         end.restore(leg.checkpoint())
         end.times.end_exactly()
+
+    def begin_at(self, time: float) -> None:
+        """Begin at a time since the start of the run, which the clock reads."""
+        self._now[[TIME, NEXT]] = time
 
     def end_exactly(self) -> None:
         """Let the last step end exactly at the place that is approached: from there the leg cannot go on."""
