@@ -132,19 +132,20 @@ class ChainOfLegs(March):
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place or a collision. Raises what `advance` raises."""
         self.found, leg, contacts = None, self._leg, self._contacts
+        time, leads_beyond = self.clock.time_at(place), False
         try:
             if self._steps_before(place):
                 leg.approach(place if self._grid < 0 else Place(1, 0.0))
             elif contacts is not None:
-                time = self.clock.time_at(place)
-                if not contacts.takes_step_up_to(leg.home, time):
-                    self._interrupt(contacts.before(leg.home, time))
-                    return
+                leads_beyond = not contacts.takes_step_up_to(leg.home, time)
         except IntegrationError:
             if self._seeks:
                 self._events.after(leg)  # the steps before the one that failed
             raise
         touched = None
+        if contacts is not None and leads_beyond:
+            self._interrupt(contacts.before(leg.home, time))
+            return
         if contacts is not None:
             contacts.forget()
             touched = None if leg.home.met is None else End.of(leg.home)

@@ -89,10 +89,9 @@ class RunEnds:
         state = marcher.state_after(found.time - marcher.time)
         at = self.system_at(found.time, *state) if self.events.touching else None
         happening = self.events.asked.happening(found, state, at)
-        then = happening.event.then
-        if not isinstance(then, str):
+        if happening.event.acts:
             try:
-                changed = then.act(happening)
+                changed = happening.event.then.act(happening)
                 if changed is not None:
                     cast("ChainOfLegs", marcher).change(happening.kind, found.time, *state, happening.system, changed)
             except Exception:

@@ -138,7 +138,7 @@ def test_a_function_that_is_not_finite_ends_the_run_with_all_before_it(tmp_path)
 
 def test_what_happens_in_every_step_ends_at_a_bound_on_the_rows(monkeypatch, tmp_path):
     events = "orbits.propagation.events"
-    for module in ("orbits.trajectory.events", f"{events}.log", f"{events}.along_motion"):
+    for module in ("orbits.trajectory.events", f"{events}.log", f"{events}.search.along_motion"):
         monkeypatch.setattr(f"{module}.MOST_EVENTS", 50)
     event = Event(lambda t, q, v: np.sin(300.0 * t), name="wave")
     with pytest.raises(EventError, match=r"more than 50 events by t = 1\.\d+, 50 of them 'wave'\. Seek") as e:

@@ -49,7 +49,7 @@ class Asked:
         self.views: list[tuple[int, Any, bool]] = []
         self.bounds: list[Bound] = []
         for number, event in enumerate(self.events):
-            if not isinstance(event.then, str):
+            if event.acts:
                 event.then.check(event, system)
             bounds = event.bound(system)
             self.bounds += bounds
@@ -58,13 +58,13 @@ class Asked:
             self.views += [view] * len(bounds)
         self.touching = {k: bound for k, bound in enumerate(self.bounds) if isinstance(bound, Touching)}
         for event in self.events:
-            if self.touching and not isinstance(event.then, str) and not event.collides:
+            if self.touching and event.acts and not event.collides:
                 raise InputError(
                     f"{type(event).__name__}(then={shown(event.then)}) beside collisions; expected then='record' or "
                     "then='stop', as only collisions act in a run whose bodies collide. Let it stop the run, change "
                     "run.stopped.system, and go on from there; or seek it in a run without collisions."
                 )
-        self.act = any(not isinstance(event.then, str) for event in self.events)
+        self.act = any(event.acts for event in self.events)
         self.stops = stops_of(system, self.of, self.bounds, direction, not (self.act or self.touching))
 
     @property
@@ -96,7 +96,7 @@ class Asked:
 
     def _check_of_particle(self, event: Sought, name: str) -> None:
         what = type(event).__name__
-        if not isinstance(event.then, str):
+        if event.acts:
             raise InputError(
                 f"{what}: {name} is a massless particle, on which nothing acts in a run: its events are recorded, or "
                 "end the run (then='stop'). Give it a small mass, such as gm=1e-20, or leave out then=..."

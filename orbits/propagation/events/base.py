@@ -135,9 +135,14 @@ class Sought:
         object.__setattr__(self, "direction", int(given))
 
     @property
+    def acts(self) -> bool:
+        """Whether something acts on the bodies there."""
+        return not isinstance(self.then, str)
+
+    @property
     def interrupts(self) -> bool:
         """Whether a run cannot go on past it unseen: it stops there, or something acts on the bodies."""
-        return not isinstance(self.then, str) or self.then != RECORD
+        return self.acts or self.then != RECORD
 
     def bound(self, system: System) -> list[Bound]:
         """Return the functions whose zeros are sought among these bodies. Raises InputError, and UnknownNameError."""

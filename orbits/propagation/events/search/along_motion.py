@@ -275,7 +275,7 @@ class MotionSearch:
         for number in self._numbers:
             # What acts ends a stretch of the march, in which it is therefore found but once.
             rows = self.log.rows[self.log.rows[:, NUMBER] == number]
-            if not isinstance(self._of[number].then, str) and in_rapid_succession(rows, 0.5 * self._longest):
+            if self._of[number].acts and in_rapid_succession(rows, 0.5 * self._longest):
                 self._remark(number, EVERY_STEP)
         return [said for _, said in sorted(self._remarks.items())]
 
@@ -294,12 +294,12 @@ class MotionSearch:
     def _check_alone(self, rows: Array, times: Array) -> None:
         """Refuse two events that act on one body at once."""
         one, rest = rows[0], rows[1:]
-        if isinstance(self._of[int(one[NUMBER])].then, str):
+        if not self._of[int(one[NUMBER])].acts:
             return
         step = abs(float(np.diff(times).max()))
         for two in rest[np.abs(rest[:, TIME] - one[TIME]) <= SAME * step]:
             both = ({int(k) for k in one[BODY : OTHER + 1]} & {int(k) for k in two[BODY : OTHER + 1]}) - {NOBODY}
-            if both and not isinstance(self._of[int(two[NUMBER])].then, str):
+            if both and self._of[int(two[NUMBER])].acts:
                 names = [self.asked.system.names[k] for k in both]
                 kinds = [self._bounds[int(row[NUMBER])].words[int(row[RISING])] for row in (one, two)]
                 raise EventError(
