@@ -176,9 +176,22 @@ def __getattr__(name: str) -> Any:
         return importlib.import_module(f"orbits.{name}")  # the import system sets it as an attribute
     from orbits.elsewhere import public_name_hint
 
-    hint = "." if name.startswith("_") else public_name_hint(name, __all__)
+    hint = "." if name.startswith("_") else public_name_hint(name, __all__, _in_spaces())
     names = ", ".join([*__all__, *_SPACES])
     raise AttributeError(f"module 'orbits' has no attribute {name!r}{hint} Its public names are {names}")
+
+
+def _in_spaces() -> dict[str, str]:
+    """Return where the names of the namespaces are that `orbits` does not have, without loading what is in them."""
+    import ast
+    from pathlib import Path
+
+    found: dict[str, str] = {}
+    for space in _SPACES:
+        for node in ast.parse(Path(__file__).with_name(f"{space}.py").read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
+                found |= {name: f"orbits.{space}.{name}" for name in ast.literal_eval(node.value)}
+    return {name: there for name, there in found.items() if name not in __all__}
 
 
 def __dir__() -> list[str]:

@@ -8,7 +8,6 @@ from difflib import get_close_matches
 from typing import TypedDict
 
 from orbits.errors import UnknownNameError
-from orbits.former_names import NOW, moved
 
 OTHER_NAMES = {
     "rk4": "runge-kutta-4",
@@ -87,18 +86,18 @@ def method_hint(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {meant[close[0]]}?" if close else "."
 
 
-def public_name_hint(name: str, public: Iterable[str]) -> str:
+def public_name_hint(name: str, public: Iterable[str], elsewhere: Mapping[str, str]) -> str:
     """Return a hint for a name that `orbits` does not have, as the end of a sentence.
 
-    public : the names that it has
+    public : the names that it has; elsewhere : those of its namespaces, and where they are, "orbits.methods.SABA"
     """
-    if now := moved("orbits", name):
-        return now
     if here := _found(name, PUBLIC_NAMES):
         return f": here that is {here}."
+    if name in elsewhere:
+        return f": it is {elsewhere[name]} now."
     if _found(name, PEERS) or _plain(name) in OTHERS_OF_REBOUND:
         return method_hint(name, ())
-    folded = {_plain(each): each for each in public} | {_plain(old): now for old, now in NOW["orbits"].items()}
+    folded = {_plain(each): each for each in public} | {_plain(each): there for each, there in elsewhere.items()}
     if kin := _found(name, OTHER_NAMES):
         return f"; did you mean {' or '.join(folded[_plain(each)] for each in kin.split(' or '))}?"
     close = get_close_matches(_plain(name), folded, n=1, cutoff=0.7)

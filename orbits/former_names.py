@@ -1,101 +1,12 @@
-"""Names that have moved or gone, for one release: where each is now.
+"""Attributes of classes that have moved or gone, for one release: where each is now.
 
-A name that is asked for and not there is looked up here, and the error says the new one.
+An attribute that is asked for and not there is looked up here, and the error says the new one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
-
-SPACES: Mapping[str, tuple[str, ...]] = {
-    "methods": (
-        "Composition",
-        "ExplicitEuler",
-        "ImplicitMidpoint",
-        "LieGroupVariational",
-        "LobattoIIIAB",
-        "LobattoIIIBA",
-        "Rattle",
-        "RungeKutta4",
-        "SABA",
-        "SymplecticEuler",
-        "VPRK",
-    ),
-    "events": (
-        "Action",
-        "Apocentre",
-        "Bounce",
-        "CloseApproach",
-        "CloserThan",
-        "Collision",
-        "Conjunction",
-        "Ejection",
-        "ElementCrossing",
-        "EnergyErrorAbove",
-        "Event",
-        "FartherThan",
-        "Happening",
-        "Merge",
-        "NodeCrossing",
-        "Occultation",
-        "Opposition",
-        "Pericentre",
-        "PlaneCrossing",
-        "Transit",
-        "WallTimeOver",
-    ),
-    "terms": (
-        "Damping",
-        "DegreeTwo",
-        "Drag",
-        "FrameDragging",
-        "GasDrag",
-        "MassLoss",
-        "MinorBodies",
-        "NobiliRoxburgh",
-        "NonGravitational",
-        "PostNewtonian",
-        "RadiationPressure",
-        "Tides",
-        "ZonalHarmonics",
-    ),
-    "errors": (
-        "ArchiveError",
-        "ConvergenceError",
-        "EpochError",
-        "EventError",
-        "EventWarning",
-        "InputError",
-        "IntegrationError",
-        "Interrupted",
-        "MissingPackageError",
-        "OrbitsError",
-        "OrbitsWarning",
-        "OutOfRangeError",
-        "OutOfTime",
-        "RetiredWarning",
-        "SingularityError",
-        "StepWarning",
-        "StorageError",
-        "SystemsError",
-        "UnknownNameError",
-    ),
-    "rebound": (
-        "from_rebound",
-        "run_from_rebound",
-        "to_rebound",
-    ),
-    "scenarios": (
-        "Check",
-        "Option",
-        "Scenario",
-        "Study",
-        "StudyResult",
-        "Table",
-    ),
-}
-"""Names that were those of `orbits`, and the namespaces that they are in."""
 
 ROTATION = (
     "attitude",
@@ -109,7 +20,6 @@ ROTATION = (
 """What runs say of the rotation of bodies."""
 
 NOW: Mapping[str, Mapping[str, str]] = {
-    "orbits": {name: f"orbits.{space}.{name}" for space, names in SPACES.items() for name in names},
     "System": {
         "from_states": "System(names, gm, q, v, ...)",
         "from_mpcorb": "System.from_catalogue(orbits.read_mpcorb(...))",
@@ -126,7 +36,7 @@ NOW: Mapping[str, Mapping[str, str]] = {
         "has_stopped": "run.stopped is not None",
     },
 }
-"""The new names, by the owner of the old ones: the module, or a class."""
+"""The new names, by the class that had the old ones."""
 
 INTERNAL: Mapping[str, Mapping[str, str]] = {
     "Trajectory": {
@@ -149,7 +59,7 @@ def moved(owner: str, name: str) -> str | None:
     """Return where a former name is now, or what to use instead, as the end of a sentence; None for a name that there
     never was.
 
-    owner : "orbits", or the name of a class
+    owner : the name of a class
     """
     if (now := NOW.get(owner, {}).get(name)) is not None:
         return f": it is {now} now."

@@ -1,7 +1,7 @@
 """Terms of each kind that the package has none of, for tests: what acts with them is known in closed form.
 
-`Turning` is linear in velocities, as a magnetic field; `Heavy` is not, as the kinetic energy of relativity; `Swaying`
-depends on time, in the forces and in the momenta.
+`Heavy` is not linear in velocities, as the kinetic energy of relativity; `Swaying` depends on time, in the forces and
+in the momenta.
 """
 
 from __future__ import annotations
@@ -17,72 +17,6 @@ from orbits.kernels.lanes import get, put
 from orbits.kernels.lanes.functions import cos, sin
 from orbits.lagrangians.base import GRADIENTS, MASSLESS_PARTICLES, TIME_DEPENDENT
 from orbits.lagrangians.terms.base import Summand, Term
-
-
-@kernel(inline=True)
-def _from(q, i, b, n):
-    return get(q, i) - get(q, b), get(q, n + i) - get(q, n + b), get(q, 2 * n + i) - get(q, 2 * n + b)
-
-
-@kernel(inline=True)
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@kernel(inline=True)
-def _half(own):
-    return 0.5 * own[1], 0.5 * own[2], 0.5 * own[3]
-
-
-@kernel
-def turning_value(strength, own, t, q, v):
-    n, b = strength.shape[0] - 1, int(own[0])
-    total, B = get(q, 0) * 0.0, _half(own)
-    for i in range(n):
-        turned = _cross(_from(q, i, b, n), _from(v, i, b, n))
-        total = total + strength[1 + i] * (B[0] * turned[0] + B[1] * turned[1] + B[2] * turned[2])
-    return total
-
-
-@kernel
-def turning_gradients(strength, own, t, q, v, f, p):
-    n, b = strength.shape[0] - 1, int(own[0])
-    B = _half(own)
-    for i in range(n):
-        df, dp = _cross(_from(v, i, b, n), B), _cross(B, _from(q, i, b, n))
-        for a in range(3):
-            m, at, back = strength[1 + i], a * n + i, a * n + b
-            put(f, at, get(f, at) + m * df[a])
-            put(f, back, get(f, back) - m * df[a])
-            put(p, at, get(p, at) + m * dp[a])
-            put(p, back, get(p, back) - m * dp[a])
-
-
-@kernel
-def turning_hessians(strength, own, t, q, v, out):
-    n, b = strength.shape[0] - 1, int(own[0])
-    d, B = 3 * n, _half(own)
-    for i in range(n):
-        for a in range(3):
-            for c in range(3):
-                if a != c:
-                    # Of w x B, the component a by the velocity c.
-                    turn = B[3 - a - c] if (a + 1) % 3 == c else -B[3 - a - c]
-                    turn = strength[1 + i] * turn
-                    for k, x in ((i, 1.0), (b, -1.0)):
-                        for m, y in ((i, 1.0), (b, -1.0)):
-                            at = d * d + (a * n + k) * d + c * n + m
-                            put(out, at, get(out, at) + x * y * turn)
-
-
-@kernel
-def turning_particle(strength, own, t, sources, speeds, place, velocity):
-    n, b = strength.shape[0] - 1, int(own[0])
-    B = _half(own)
-    r = place[0] - get(sources, b), place[1] - get(sources, n + b), place[2] - get(sources, 2 * n + b)
-    w = velocity[0] - get(speeds, b), velocity[1] - get(speeds, n + b), velocity[2] - get(speeds, 2 * n + b)
-    f, p = _cross(w, B), _cross(B, r)
-    return f[0], f[1], f[2], p[0], p[1], p[2]
 
 
 @kernel
@@ -161,26 +95,9 @@ def _tag(name: str, value: Any, gradients: Any, hessians: Any, particle: Any) ->
     return Tag(f"test-{name}", kernels)
 
 
-TURNING = _tag("turning", turning_value, turning_gradients, turning_hessians, turning_particle)
 HEAVY = _tag("heavy", heavy_value, heavy_gradients, heavy_hessians, heavy_particle)
 SWAYING = _tag("swaying", swaying_value, swaying_gradients, swaying_hessians, swaying_particle)
 TRAITS = frozenset({GRADIENTS, MASSLESS_PARTICLES})
-
-
-@dataclass(frozen=True)
-class Turning(Term):
-    """(1/2) sum m B . (r x w), r and w relative to the body: an acceleration w x B, with its reaction."""
-
-    kind: ClassVar[str] = "test-turning"
-    B: tuple[float, float, float] = (0.0, 0.0, 1.0)
-
-    def in_units(self, units):
-        return self
-
-    def summand(self, row, units):
-        B = np.array(self.B)
-        axis = tuple((B / np.linalg.norm(B)).tolist())
-        return Summand("turning", "m B . (r x w) / 2", TURNING, np.array([row, *self.B]), TRAITS, axis)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def step_of_bodies(problem: Problem, acting: Model) -> Measured:
         off = float(np.max(np.abs(one - plain.q) * problem.weights)) / problem.size
         more = float(np.max(np.abs(other - lagrangian.velocity(plain.q, plain.p, t + h)))) / speeds
         worst = max(worst, off / EPS, more / EPS)
-        grown = max(grown, float(np.max(np.abs(plain.derivative * problem.scaling))))
+        grown = max(grown, problem.growth(plain.derivative))
     return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies against plain solutions")
 
 
@@ -66,11 +66,9 @@ def steps_in_transformed_time(problem: Problem, marcher: Leg) -> Measured:
         marcher.advance(1)
         one, other = (x.ravel() for x in marcher.state())
         took = h * float(problem.integrator.tableau.b @ [_rate(lagrangian, Q) for Q in plain.Q])
-        off = float(np.max(np.abs(one - plain.q) * problem.weights)) / problem.size
-        more = float(np.max(np.abs(gm * other - plain.p) / problem.weights)) / problem.momentum_size
         late = abs(marcher.time - begun - took) / max(abs(marcher.time), abs(took))
-        worst = max(worst, off / EPS, more / EPS, late / EPS)
-        grown = max(grown, float(np.max(np.abs(plain.derivative * problem.scaling))))
+        worst = max(worst, problem.apart((one, gm * other), (plain.q, plain.p)), late / EPS)
+        grown = max(grown, problem.growth(plain.derivative))
         marcher.advance(max(0, len(problem.path) // PLACES - 1))
     return Measured(worst, 64.0 * grown, "x 2^-53", "steps of bodies, and their times, against plain solutions")
 

@@ -13,6 +13,7 @@ from orbits.body_names import few
 from orbits.certificate.certificate import Certificate, Finding
 from orbits.certificate.constrained import ConstrainedProblem
 from orbits.certificate.measuring import EPS, Measured, Problem
+from orbits.certificate.orders import order_of_discrete_lagrangian, order_of_map
 from orbits.checks import has_unit, nonzero_number, single_number
 from orbits.diagnostics.convergence import Slope
 from orbits.diagnostics.symplecticity import symplecticity
@@ -199,9 +200,9 @@ def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:
         yield _finding("symplecticity of particles", _fibres(problem, particles), SYMPLECTIC in declares, needed=True)
     yield _finding("area of a loop", problem.areas(), SYMPLECTIC in declares, needed=True)
     yield _finding("reversibility", problem.reversibility(), SYMMETRIC in declares, needed=False)
-    yield _order("order of the map", problem.order(), method.order_with(problem.lagrangian))
+    yield _order("order of the map", order_of_map(problem), method.order_with(problem.lagrangian))
     if problem.tells_order_of_discrete_lagrangian:
-        yield _order("order of L_d", problem.order_of_discrete_lagrangian(), method.order)
+        yield _order("order of L_d", order_of_discrete_lagrangian(problem), method.order)
     if problem.lagrangian.autonomous:
         try:
             energy = problem.energy()

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from orbits import discrete
-from orbits.certificate.measuring import DEL_POINTS, EPS, Array, Measured, Problem
+from orbits.certificate.measuring import DEL_POINTS, EPS, Array, Measured, Problem, ulp_of
 from orbits.diagnostics.constrained_motion import motion
 from orbits.discrete import Constrained
 from orbits.integrators.kicks_and_drifts.chain import Chain
@@ -75,11 +75,7 @@ class ConstrainedProblem(Problem):
             q, p = self.path.q[k], self.path.p[k]
             for h in self.lengths:
                 q, p = discrete.step(self.discrete_lagrangian, q, p, float(h))
-            off = max(
-                float(np.max(np.abs(self.path.q[k + 1] - q) * self.weights)) / self.size,
-                float(np.max(np.abs(self.path.p[k + 1] - p) / self.weights)) / self.momentum_size,
-            )
-            worst = max(worst, off / EPS)
+            worst = max(worst, self.apart((self.path.q[k + 1], self.path.p[k + 1]), (q, p)))
         # The independent solution computes momenta from differences of positions, which amplifies their rounding.
         amplified = self.size / (self.momentum_size * float(np.min(np.abs(self.lengths))))
         bound = 64.0 * self._growth(7) + 4.0 * len(self.lengths) * amplified
@@ -120,13 +116,7 @@ class ConstrainedProblem(Problem):
 
     @cached_property
     def _ulps(self) -> list[tuple[float, float]]:
-        found = []
-        for s in self._substeps:
-            jet = self.discrete_lagrangian.base.jet(s.q0, s.q1, s.h)
-            felt = np.abs(jet.d12) @ np.abs(s.q1) + np.abs(jet.d22) @ np.abs(s.q1)
-            ulp = float(np.spacing(np.max(np.abs(jet.d2))))
-            found.append((ulp, 4.0 * EPS * float(np.max(felt)) / ulp + 4.0))
-        return found
+        return [ulp_of(self.discrete_lagrangian.base.jet(s.q0, s.q1, s.h), s.q1) for s in self._substeps]
 
     def _derivative(self, k: int) -> Array:
         """The derivative of step k for vectors tangent to the constraints, (2d, 2d)."""
@@ -137,9 +127,6 @@ class ConstrainedProblem(Problem):
             derivative = discrete.phase_derivative(self.discrete_lagrangian, q, x, float(h)) @ derivative
             q, p = x, y
         return derivative
-
-    def _growth(self, steps: int) -> float:
-        return max(float(np.max(np.abs(self._derivative(k) * self.scaling))) for k in range(min(steps, len(self.path))))
 
     def symplecticity(self) -> Measured:
         """The largest |dx^T (M^T J M - J) dy| of three steps, for unit vectors tangent to the constraints."""
@@ -163,7 +150,7 @@ class ConstrainedProblem(Problem):
             moved.append((x, mass @ w))
         return np.array([x for x, _ in moved]), np.array([y for _, y in moved])
 
-    def _reference(self, steps: int) -> Array:
+    def reference(self, steps: int) -> Array:
         """Return q after so many steps, by Gauss collocation of the equations without multipliers."""
         v = self.lagrangian.velocity(self.q, self.p)
         return self.q + motion(self.lagrangian, self.q, v, steps * self.dt, steps)[0]
@@ -173,6 +160,7 @@ class ConstrainedProblem(Problem):
         """Whether the method's L_d has no points within a step."""
         return len(self.lengths) == 1
 
-    def _true_action(self, q: Array, p: Array, h: float, t: float) -> tuple[float, Array]:
-        moved, _, action = motion(self.lagrangian, q, self.lagrangian.velocity(q, p), h, 4)
+    def true_action(self, q: Array, p: Array, h: float, t: float, pieces: int = 4) -> tuple[float, Array]:
+        """Return the same, on the constraints."""
+        moved, _, action = motion(self.lagrangian, q, self.lagrangian.velocity(q, p), h, pieces)
         return action, q + moved

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from orbits import discrete
 from orbits.diagnostics import loops
-from orbits.diagnostics.convergence import Slope, slope
 from orbits.diagnostics.symplecticity import symplecticity
 from orbits.diagnostics.tangent import PlainStep, plain_step, symplecticity_defect
-from orbits.errors import InputError, IntegrationError
+from orbits.discrete.base import Jet
+from orbits.errors import IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
@@ -100,6 +100,15 @@ class Problem:
         """Largest |p / w| along the path."""
         return float(np.max(np.abs(self.path.p) / self.weights))
 
+    def apart(self, one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
+        """Return the difference of two states (q, p), in units of 2^-53 of the largest on the path."""
+        dq, dp = np.abs(one[0] - other[0]) * self.weights, np.abs(one[1] - other[1]) / self.weights
+        return max(float(np.max(dq)) / self.size, float(np.max(dp)) / self.momentum_size) / EPS
+
+    def growth(self, derivative: Array) -> float:
+        """Return the largest element of the derivative of a step, as a pure number."""
+        return float(np.max(np.abs(derivative * self.scaling)))
+
     def step_solves_its_equations(self) -> Measured:
         """Compiled steps against independent solutions of the equations of the tableau, or L_d, in 2^-53 of the state.
 
@@ -109,12 +118,8 @@ class Problem:
         count = len(self.path) - 1
         for k in range(0, count, max(1, count // 24)):
             plain, terms = self._plain(k)
-            off = max(
-                float(np.max(np.abs(self.path.q[k + 1] - plain.q) * self.weights)) / self.size,
-                float(np.max(np.abs(self.path.p[k + 1] - plain.p) / self.weights)) / self.momentum_size,
-            )
-            worst = max(worst, off / EPS)
-            grown = max(grown, float(np.max(np.abs(plain.derivative * self.scaling))))
+            worst = max(worst, self.apart((self.path.q[k + 1], self.path.p[k + 1]), (plain.q, plain.p)))
+            grown = max(grown, self.growth(plain.derivative))
             rounded = max(rounded, float(np.max(terms @ np.abs(plain.q) / self.weights)) / self.momentum_size)
         # The independent solution rounds a few dozen times, amplified by the condition number of the step.
         return Measured(worst, 64.0 * grown + rounded, "x 2^-53", "compiled steps against independent solutions")
@@ -196,15 +201,8 @@ class Problem:
     @cached_property
     def _ulps(self) -> list[tuple[float, float]]:
         """For each of the first steps: the ulp of D2 L_d, and how many of them rounding can produce."""
-        found = []
-        q = self.path.q[: DEL_POINTS + 1]
-        for k in range(len(q) - 1):
-            jet = self.discrete_lagrangian.jet(q[k], q[k + 1], self.dt, self.t + k * self.dt)
-            # Stored positions are rounded by 2^-53 |q|, which enters D2 L_d through its second derivatives.
-            felt = np.abs(jet.d12) @ np.abs(q[k + 1]) + np.abs(jet.d22) @ np.abs(q[k + 1])
-            ulp = float(np.spacing(np.max(np.abs(jet.d2))))
-            found.append((ulp, 4.0 * EPS * float(np.max(felt)) / ulp + 4.0))
-        return found
+        q, h, L_d = self.path.q[: DEL_POINTS + 1], self.dt, self.discrete_lagrangian
+        return [ulp_of(L_d.jet(q[k], q[k + 1], h, self.t + k * h), q[k + 1]) for k in range(len(q) - 1)]
 
     def momentum_maps(self) -> Iterator[tuple[str, Measured]]:
         """The largest change of each symmetry's momentum map along the path, relative to the sum of its terms."""
@@ -232,8 +230,8 @@ class Problem:
             plain, terms = self._plain(k)
             worst = max(worst, symplecticity_defect(plain.derivative, weights))
             # Second derivatives of L_d are 1/h times those of the map; what cancels is divided as the defect is.
-            largest = float(np.max(np.abs(plain.derivative * self.scaling)))
-            cancelled = max(cancelled, float(np.max(terms / np.outer(weights, weights))) / max(1.0, largest))
+            largest = max(1.0, self.growth(plain.derivative))
+            cancelled = max(cancelled, float(np.max(terms / np.outer(weights, weights))) / largest)
         note = "exact derivative of the tableau's step" if self._own is None else "exact derivative of the map of L_d"
         return Measured(worst, bound + 4.0 * EPS * cancelled, "", note)
 
@@ -291,20 +289,17 @@ class Problem:
         """The difference from the start after `steps` steps and as many back, in units of 2^-53 of the state."""
         q, p = self.path.q[steps], self.path.p[steps]
         back = Flow(self.lagrangian, self.integrator, -self.dt, t=self.t + steps * self.dt)
-        q, p = back.step(q, p, steps)
-        off = max(
-            float(np.max(np.abs(q - self.q) * self.weights)) / self.size,
-            float(np.max(np.abs(p - self.p) / self.weights)) / self.momentum_size,
-        )
+        off = self.apart(back.step(q, p, steps), (self.q, self.p))
         # The low parts are dropped at the turn; the motion amplifies that rounding by at most this much.
-        return Measured(off / EPS, 8.0 * steps * self._growth(steps), "x 2^-53")
+        return Measured(off, 8.0 * steps * self._growth(steps), "x 2^-53")
 
     def _growth(self, steps: int) -> float:
         """The largest element of the derivatives of the first steps, at least 1."""
-        grown = 1.0
-        for k in range(steps):
-            grown = max(grown, float(np.max(np.abs(self._plain(k)[0].derivative * self.scaling))))
-        return grown
+        return max(1.0, *(self.growth(self._derivative(k)) for k in range(min(steps, len(self.path)))))
+
+    def _derivative(self, k: int) -> Array:
+        """The exact derivative of step k."""
+        return self._plain(k)[0].derivative
 
     def energy(self) -> Measured:
         """The drift of the energy error over its oscillation; well below 1 if the error is bounded.
@@ -321,36 +316,7 @@ class Problem:
         drift = abs(float(np.mean(E[-quarter:]) - np.mean(E[:quarter])))
         return Measured(drift / max(oscillation, noise), 0.5, "of its oscillation", f"{ENERGY_STEPS} steps")
 
-    def order(self) -> Slope:
-        """The slope of the error of q after a given time, against short steps of Gauss collocation of order 16.
-
-        The time is 40 steps, or longer for high orders whose errors would otherwise vanish in round-off.
-        """
-        found = self._order_over(40)
-        for steps in (320, 2560) if self.integrator.order > 8 else ():
-            if math.isnan(found.order):
-                longer = self._order_over(steps)
-                # Over long times chaos amplifies round-off into the fit: only a slope near the order is accepted.
-                found = longer if longer.order > 0.5 * self.integrator.order else found
-        return found
-
-    def _order_over(self, steps: int) -> Slope:
-        span = steps * self.dt
-        try:
-            q = self._reference(steps)
-        except IntegrationError:
-            return Slope(math.nan, (), ())
-        h, errors = [], []
-        for count in _counts(self.integrator.order):
-            try:
-                x, _ = Flow(self.lagrangian, self.integrator, span / count, t=self.t).step(self.q, self.p, count)
-            except IntegrationError:
-                continue  # the step is far too long
-            h.append(span / count)
-            errors.append(float(np.max(np.abs(x - q) * self.weights)) / self.size)
-        return slope(h, errors, floor=_plateau(3e-13, errors), ceiling=2e-3)
-
-    def _reference(self, steps: int) -> Array:
+    def reference(self, steps: int) -> Array:
         """Return q after so many steps, by short steps of Gauss collocation of order 16."""
         return Flow(self.lagrangian, Gauss(stages=8), self.dt / 16, t=self.t).step(self.q, self.p, 16 * steps)[0]
 
@@ -359,58 +325,25 @@ class Problem:
         """Whether L_d can be compared with the exact one."""
         return self.has_discrete_lagrangian()
 
-    def _true_action(self, q: Array, p: Array, h: float, t: float) -> tuple[float, Array]:
-        return true_action(self.lagrangian, q, p, h, t)
-
-    def order_of_discrete_lagrangian(self) -> Slope:
-        """The slope of |L_d - exact L_d| along a true solution, less 1."""
-        L_d = self.discrete_lagrangian
-        h, errors = [], []
-        scale = self.momentum_size * self.size
-        starts = [0, len(self.path) // 5, len(self.path) // 2]  # at a single one, the leading term may vanish
-        for factor in 2.0 ** np.arange(5.0, -6.0, -0.5 if self.integrator.order > 6 else -1.0):
-            step, worst = factor * self.dt, 0.0
-            try:
-                for k in starts:
-                    q, t = self.path.q[k], float(self.path.t[k])
-                    action, end = self._true_action(q, self.path.p[k], step, t)
-                    worst = max(worst, abs(L_d.value(q, end, step, t) - action) / scale)
-            except (IntegrationError, InputError):
-                continue  # the step is far too long
-            h.append(step)
-            errors.append(worst)
-            if max(errors[-2:]) < 3e-15:
-                break  # shorter steps show nothing but round-off
-        most = 3 if self.integrator.order >= 6 else 5  # high orders pass their regime within a factor of two
-        fitted = slope(h, errors, floor=_plateau(3e-14, errors), ceiling=1e-3, most=most)
-        return Slope(fitted.order - 1.0, fitted.h, fitted.errors)
+    def true_action(self, q: Array, p: Array, h: float, t: float, pieces: int = 4) -> tuple[float, Array]:
+        """Return the action of the true motion from (q, p) over the time h, and its end point; by Gauss of order 16."""
+        tableau = Gauss(stages=8).tableau
+        small, action = h / pieces, []
+        for k in range(pieces):
+            start = t + k * small
+            step = plain_step(self.lagrangian, tableau, q, p, small, start)
+            stages = zip(tableau.b, tableau.c, step.Q, step.V, strict=True)
+            action += [b * small * self.lagrangian.value(Q, V, start + c * small) for b, c, Q, V in stages]
+            q, p = step.q, step.p
+        return math.fsum(action), q
 
 
-def true_action(lagrangian: Lagrangian, q: Array, p: Array, h: float, t: float, pieces: int = 4) -> tuple[float, Array]:
-    """Return the action of the true motion from (q, p) over the time h, and its end point; by Gauss of order 16."""
-    tableau = Gauss(stages=8).tableau
-    small, action = h / pieces, []
-    for k in range(pieces):
-        start = t + k * small
-        step = plain_step(lagrangian, tableau, q, p, small, start)
-        stages = zip(tableau.b, tableau.c, step.Q, step.V, strict=True)
-        action.append(math.fsum(b * small * lagrangian.value(Q, V, start + c * small) for b, c, Q, V in stages))
-        q, p = step.q, step.p
-    return math.fsum(action), q
-
-
-def _counts(order: int) -> list[int]:
-    """Return the numbers of steps to try: high orders pass from 1e-3 to round-off within a factor of a few."""
-    if order >= 8:
-        return list(range(2, 81, 2))
-    longest = {1: 26, 2: 26, 3: 18, 4: 18}.get(order, 8)
-    return sorted({round(10 * 2 ** (k / 2)) for k in range(longest)} | {4, 6, 8})
-
-
-def _plateau(least: float, errors: list[float]) -> float:
-    """Return where round-off begins: well above the smallest error of all, as the motion may amplify it."""
-    lowest = min((e for e in errors if math.isfinite(e)), default=0.0)
-    return max(least, 30.0 * lowest) if lowest < 1e-11 else least
+def ulp_of(jet: Jet, q: Array) -> tuple[float, float]:
+    """Return the ulp of D2 L_d, of its derivatives up to q, and how many of them rounding can produce."""
+    # Stored positions are rounded by 2^-53 |q|, which enters D2 L_d through its second derivatives.
+    felt = (np.abs(jet.d12) + np.abs(jet.d22)) @ np.abs(q)
+    ulp = float(np.spacing(np.max(np.abs(jet.d2))))
+    return ulp, 4.0 * EPS * float(np.max(felt)) / ulp + 4.0
 
 
 def _oscillation(values: Array) -> float:

@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperOption
 from orbits.cli.arguments import ScenarioName
 from orbits.scenario import command
 from orbits.scenario.command import Dt, Duration, Json, Method, NoPlot, Out, Own, Samples, guarded
+from orbits.scenario.printed import stdout
 
 
 class Comparing(TyperCommand):
@@ -98,7 +99,7 @@ def _compare(
         raise InputError(f"{scenario.name!r} is a study, which has no system to compare on; use: orbits run {name}")
     peers, kernels = (scenario.against, []) if against is None else split(against)
     folder = results_folder(out or Path("results") / scenario.name)
-    console, ok = command.stdout(), True
+    console, ok = stdout(), True
     records: dict[str, dict[str, Any]] = {}
     with located():
         cases, step = scenario.cases(), scenario.step()

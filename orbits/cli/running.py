@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -24,6 +24,7 @@ from orbits.scenario.command import (
     WallTime,
     guarded,
 )
+from orbits.scenario.printed import stderr
 
 
 def run(
@@ -48,14 +49,9 @@ def run(
     with guarded():
         from orbits.scenario import load
 
-        changed = command.changed(load(scenario), dt, duration, integrator, samples, own, approaches)
-        if list_options:
-            command.show_options(changed, as_json=as_json)
-            return
-        code = command.execute(
-            changed, out=out, as_json=as_json, no_plot=no_plot, wall_time=wall_time, heartbeat=heartbeat
-        )
-        raise typer.Exit(code)
+        how: dict[str, Any] = {"out": out, "no_plot": no_plot, "wall_time": wall_time, "heartbeat": heartbeat}
+        chosen = command.changed(load(scenario), dt, duration, integrator, samples, own, approaches)
+        command.execute(chosen, list_options=list_options, as_json=as_json, **how)
 
 
 def resume(
@@ -94,7 +90,7 @@ def resume(
         if until is None and done.statistics is None:
             further = with_unit(f"{2 * done.times[-1]:g}", done.system.units.time)
             text = f"complete already, nothing was done; extend it with  orbits resume {file} --until '{further}'"
-            command.stderr().print(text, markup=False, soft_wrap=True)
+            stderr().print(text, markup=False, soft_wrap=True)
         show(file, done, as_json)
         if pacing.deadline is not None and pacing.deadline.ended(done):
             raise OutOfTime(f"{pacing.deadline.words}; go on with: orbits resume {file}")

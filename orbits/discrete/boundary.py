@@ -139,3 +139,21 @@ def joined(jets: list[Jet]) -> Jet:
     d12 = -first.d12 @ moved[:d, d:]
     d22 = last.d22 - last.d12.T @ moved[-d:, d:]
     return Jet(float(sum(jet.value for jet in jets)), first.d1, last.d2, d11, d12, d22)
+
+
+class OfSteps(DiscreteLagrangian):
+    """The action of several steps whose sum is stationary in the points between them, `_jets`."""
+
+    def _jets(self, q0: Array, q1: Array, h: float, t: float) -> list[Jet]:
+        raise NotImplementedError
+
+    def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
+        jets = self._jets(q0, q1, h, t)
+        return float(sum(jet.value for jet in jets)), jets[0].d1, jets[-1].d2
+
+    def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
+        jet = self._jet(q0, q1, h, t)
+        return jet.d11, jet.d12, jet.d22
+
+    def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
+        return joined(self._jets(q0, q1, h, t))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
-from orbits.discrete.boundary import block_solve, joined
+from orbits.discrete.boundary import OfSteps, block_solve
 from orbits.discrete.evolution import step
 from orbits.discrete.legendre import phase_derivative
 from orbits.discrete.newton import solve
@@ -24,24 +24,13 @@ from orbits.lagrangians.base import show
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Composed(DiscreteLagrangian):
+class Composed(OfSteps):
     """See `composed`."""
 
     name: str
     lagrangian: Mechanics | None
     parts: tuple[DiscreteLagrangian, ...]
     lengths: Callable[[float], Array]
-
-    def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
-        jets = self._jets(q0, q1, h, t)
-        return float(sum(jet.value for jet in jets)), jets[0].d1, jets[-1].d2
-
-    def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
-        jet = self._jet(q0, q1, h, t)
-        return jet.d11, jet.d12, jet.d22
-
-    def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
-        return joined(self._jets(q0, q1, h, t))
 
     def guess(self, q: Array, p: Array, h: float, t: float) -> Array:
         """As for its parts."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
-from orbits.discrete.boundary import jets_of, joined, stationary
+from orbits.discrete.boundary import OfSteps, jets_of, stationary
 from orbits.discrete.exact_linear import exact_linear
 from orbits.discrete.lambert import Way, exact_kepler
 from orbits.discrete.rotors import kick_rotate_kick
@@ -32,24 +32,13 @@ AGREED = 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ExactByCollocation(DiscreteLagrangian):
+class ExactByCollocation(OfSteps):
     """The action along the converged solution of the boundary-value problem; see `exact`."""
 
     name: str
     lagrangian: Mechanics
     rule: Vprk
     fewer: Vprk
-
-    def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
-        jets = self._jets(q0, q1, h, t)
-        return float(sum(jet.value for jet in jets)), jets[0].d1, jets[-1].d2
-
-    def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
-        jet = self._jet(q0, q1, h, t)
-        return jet.d11, jet.d12, jet.d22
-
-    def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
-        return joined(self._jets(q0, q1, h, t))
 
     def _jets(self, q0: Array, q1: Array, h: float, t: float) -> list[Jet]:
         """Return the steps of the converged mesh."""

@@ -297,11 +297,16 @@ def _plane_from_true_anomaly(conic: Conic, f: Floats, names: Sequence[str] | Non
 def _turned_into_space(plane: Plane, inc: Floats, Omega: Floats, omega: Floats) -> tuple[Floats, Floats]:
     """Return q and v from coordinates in the orbital plane, by the rotations omega, inc, Omega."""
     x, y, vx, vy = plane
-    cO, sO, co, so, ci, si = np.cos(Omega), np.sin(Omega), np.cos(omega), np.sin(omega), np.cos(inc), np.sin(inc)
-    to_pericentre = np.stack([cO * co - sO * so * ci, sO * co + cO * so * ci, so * si], axis=-1)
-    along_motion = np.stack([-cO * so - sO * co * ci, -sO * so + cO * co * ci, co * si], axis=-1)
+    to_pericentre, along_motion = perifocal_axes(inc, Omega, omega)
     with np.errstate(over="ignore", invalid="ignore"):
         return (
             x[..., None] * to_pericentre + y[..., None] * along_motion,
             vx[..., None] * to_pericentre + vy[..., None] * along_motion,
         )
+
+
+def perifocal_axes(inc: Floats, Omega: Floats, omega: Floats) -> tuple[Floats, Floats]:
+    """Return the unit vectors to the pericentre and along the motion there, (..., 3), for angles (...)."""
+    cO, sO, co, so, ci, si = np.cos(Omega), np.sin(Omega), np.cos(omega), np.sin(omega), np.cos(inc), np.sin(inc)
+    to_pericentre = np.stack([cO * co - sO * so * ci, sO * co + cO * so * ci, so * si], axis=-1)
+    return to_pericentre, np.stack([-cO * so - sO * co * ci, -sO * so + cO * co * ci, co * si], axis=-1)

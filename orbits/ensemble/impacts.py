@@ -49,6 +49,10 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
     except (u.UnitConversionError, TypeError, ValueError) as error:
         raise InputError(f"radius is {shown(radius)}; expected a length, such as 6378.137 * u.km.") from error
     near = np.asarray(summary["closest_to"])[1:] == planet
+    if planet == about.get("primary") and not near.any():
+        raise InputError(
+            f"a campaign does not tell approaches to {planet}, about which its members orbit; expected another body."
+        )
     hit = near & (summary["closest"].value[1:] < most)
     counts = hit | (state == SURVIVED)
     _warn(planet, int((~counts).sum()), int((counts & ~hit & near & _at_the_end(summary)[1:]).sum()))

@@ -7,8 +7,8 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Protocol
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 from astropy import units as u
@@ -32,24 +32,6 @@ MOST = 10**8
 """The most members of an ensemble: their names and results must fit in memory."""
 
 
-class Part(Protocol):
-    """Some consecutive members, as they are sent to a worker: small, and picklable."""
-
-    @property
-    def massless(self) -> bool:
-        """Whether the members are massless bodies of one system; otherwise each is a system of its own."""
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-
-    def system(self) -> System:
-        """Return the system of which the members are massless bodies, the last ones."""
-
-    def systems(self) -> Iterable[System | OrbitsError]:
-        """Return the system of each member, or the error of one that cannot be made."""
-
-
 @dataclass(frozen=True, eq=False)
 class Ensemble:
     """Members to be integrated. Made by `particles`, `clones`, `grid` and `systems` of `orbits.ensemble`.
@@ -58,6 +40,8 @@ class Ensemble:
     kind : "particles", massless bodies among the same massive ones, or "systems"
     columns : what is known of the members beforehand, such as the parameters of a grid: by name, (members,) each
     axes : of a grid, by name; the members are its points, the last axis varying fastest
+
+    A part of it is an ensemble too, small and picklable, as it is sent to workers.
     """
 
     names: Sequence[str]
@@ -65,20 +49,35 @@ class Ensemble:
     columns: Mapping[str, Any] = field(default_factory=dict)
     axes: Mapping[str, Any] = field(default_factory=dict)
 
+    massless: ClassVar[bool] = False
+    """Whether the members are massless bodies of one system; otherwise each is a system of its own."""
+
     def __len__(self) -> int:
         return len(self.names)
 
-    def part(self, first: int, last: int) -> Part:
+    def part(self, first: int, last: int) -> Ensemble:
         """Return the members from `first` up to `last`, without it."""
+        return replace(self, names=tuple(self.names[first:last]), axes={}, **self._some(slice(first, last)))
+
+    def _some(self, rows: slice) -> dict[str, Any]:
+        """Return the fields of a part that are other ones."""
         raise NotImplementedError
 
-    def sample(self) -> Part:
+    def sample(self) -> Ensemble:
         """Return a few members, with which options are checked and kernels compiled. Raises if none can be made."""
         return self.part(0, min(SAMPLE, len(self)))
 
+    def system(self) -> System:
+        """Return the system of which the members are massless bodies, the last ones; or that of the first member."""
+        raise NotImplementedError
+
+    def systems(self) -> Iterable[System | OrbitsError]:
+        """Return the system of each member, or the error of one that cannot be made."""
+        return [self.system()]
+
     def identity(self) -> dict[str, str]:
         """Return what the results depend on, by its name in messages."""
-        raise NotImplementedError
+        return {"kind": self.kind, "members": f"{len(self):,}"}
 
     def __repr__(self) -> str:
         shape = " x ".join(f"{len(values)} {name}" for name, values in self.axes.items())
@@ -94,50 +93,26 @@ class Particles(Ensemble):
     v: Floats = field(default_factory=lambda: np.empty((0, 3)))
     radii: Floats | None = None
 
-    def part(self, first: int, last: int) -> Part:
-        """Return the members from `first` up to `last`, without it."""
+    massless: ClassVar[bool] = True
+
+    def _some(self, rows: slice) -> dict[str, Any]:
+        radii = None if self.radii is None else self.radii[rows]
+        return {"columns": {}, "q": self.q[rows], "v": self.v[rows], "radii": radii}
+
+    def system(self) -> System:
+        """Return the bodies with these at the end."""
         assert self.bodies is not None
-        some = slice(first, last)
-        radii = None if self.radii is None else self.radii[some]
-        return ParticlesPart(self.bodies, tuple(self.names[some]), self.q[some], self.v[some], radii)
+        radius: dict[str, Any] = {} if self.radii is None else {"radius": self.radii}
+        return self.bodies.add(self.names, q=self.q, v=self.v, **radius)
 
     def identity(self) -> dict[str, str]:
         """Return what the results depend on, by its name in messages."""
         assert self.bodies is not None
-        return {
-            "kind": self.kind,
-            "members": f"{len(self):,}",
+        return super().identity() | {
             "bodies": described(self.bodies),
             "names of the members": digest("\n".join(self.names)),
             "starts of the members": digest(self.q, self.v, self.radii),
         }
-
-
-@dataclass(frozen=True, eq=False)
-class ParticlesPart:
-    """Massless bodies and the system to which they are added."""
-
-    bodies: System
-    names: tuple[str, ...]
-    q: Floats
-    v: Floats
-    radii: Floats | None
-
-    massless = True
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return len(self.names)
-
-    def system(self) -> System:
-        """Return the bodies with these at the end."""
-        radius: dict[str, Any] = {} if self.radii is None else {"radius": self.radii}
-        return self.bodies.add(self.names, q=self.q, v=self.v, **radius)
-
-    def systems(self) -> list[System | OrbitsError]:
-        """Return the system of each member alone."""
-        return [self.system()]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,36 +121,12 @@ class Systems(Ensemble):
 
     members: Sequence[System] = ()
 
-    def part(self, first: int, last: int) -> Part:
-        """Return the members from `first` up to `last`, without it."""
-        return SystemsPart(tuple(self.members[first:last]))
+    def _some(self, rows: slice) -> dict[str, Any]:
+        return {"columns": {}, "members": tuple(self.members[rows])}
 
-    def sample(self) -> Part:
+    def sample(self) -> Ensemble:
         """Return the first member."""
         return self.part(0, 1)
-
-    def identity(self) -> dict[str, str]:
-        """Return what the results depend on, by its name in messages."""
-        return {
-            "kind": self.kind,
-            "members": f"{len(self):,}",
-            "names of the members": digest("\n".join(self.names)),
-            "systems": digest("\n".join(described(one) for one in self.members)),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class SystemsPart:
-    """Systems that were made beforehand."""
-
-    members: tuple[System, ...]
-
-    massless = False
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return len(self.members)
 
     def system(self) -> System:
         """Return the first one."""
@@ -185,6 +136,13 @@ class SystemsPart:
         """Return them."""
         return list(self.members)
 
+    def identity(self) -> dict[str, str]:
+        """Return what the results depend on, by its name in messages."""
+        return super().identity() | {
+            "names of the members": digest("\n".join(self.names)),
+            "systems": digest("\n".join(described(one) for one in self.members)),
+        }
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Made(Ensemble):
@@ -192,14 +150,10 @@ class Made(Ensemble):
 
     make: Callable[..., System] | None = None
 
-    def part(self, first: int, last: int) -> Part:
-        """Return the members from `first` up to `last`, without it."""
-        assert self.make is not None
-        some = {name: values[first:last] for name, values in self.columns.items()}
-        points = tuple(dict(zip(some, values, strict=True)) for values in zip(*some.values(), strict=True))
-        return MadePart(self.make, points)
+    def _some(self, rows: slice) -> dict[str, Any]:
+        return {"columns": {name: values[rows] for name, values in self.columns.items()}}
 
-    def sample(self) -> Part:
+    def sample(self) -> Ensemble:
         """Return the first member that can be made. Raises InputError if the function fails for all of the first."""
         failures = []
         for k in range(min(len(self), TRIED)):
@@ -212,44 +166,21 @@ class Made(Ensemble):
                 return part
         raise failures[0]
 
-    def identity(self) -> dict[str, str]:
-        """Return what the results depend on, by its name in messages: of the function its name and its code."""
-        points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
-        return {
-            "kind": self.kind,
-            "members": f"{len(self):,}",
-            "function": f"{getattr(self.make, '__qualname__', type(self.make).__name__)}, {_code(self.make)}",
-            "points": digest(points),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class MadePart:
-    """A function, and what it is called with for each member."""
-
-    make: Callable[..., System]
-    points: tuple[dict[str, Any], ...]
-
-    massless = False
-
-    @property
-    def count(self) -> int:
-        """How many there are."""
-        return len(self.points)
-
     def system(self) -> System:
         """Return the first one. Raises InputError if the function fails."""
-        return self._made(self.points[0])
+        return self._made(0)
 
     def systems(self) -> Iterator[System | OrbitsError]:
         """Yield the system of each member, or the error of one that cannot be made."""
-        for point in self.points:
+        for k in range(len(self)):
             try:
-                yield self._made(point)
+                yield self._made(k)
             except OrbitsError as error:
                 yield error
 
-    def _made(self, point: dict[str, Any]) -> System:
+    def _made(self, k: int) -> System:
+        assert self.make is not None
+        point = {name: values[k] for name, values in self.columns.items()}
         try:
             system = self.make(**point)
         except OrbitsError:
@@ -260,6 +191,12 @@ class MadePart:
         if not isinstance(system, System):
             raise InputError(f"the function of the grid returned {shown(system)}; expected an orbits.System.")
         return system
+
+    def identity(self) -> dict[str, str]:
+        """Return what the results depend on, by its name in messages: of the function its name and its code."""
+        points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
+        name = getattr(self.make, "__qualname__", type(self.make).__name__)
+        return super().identity() | {"function": f"{name}, {_code(self.make)}", "points": digest(points)}
 
 
 def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False) -> Ensemble:

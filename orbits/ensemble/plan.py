@@ -14,7 +14,7 @@ from orbits import integrators
 from orbits.archive.storage import free_bytes, human
 from orbits.checks import checked_flag, whole_number
 from orbits.elsewhere import unknown_argument
-from orbits.ensemble.members import Ensemble, Part
+from orbits.ensemble.members import Ensemble
 from orbits.ensemble.tasks import Task
 from orbits.errors import InputError, StorageError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
@@ -176,7 +176,7 @@ class Plan:
                 "fewer samples or members, keep the table alone (trajectories=False), or choose another disk."
             )
 
-    def task(self, block: int, part: Part, **known: Any) -> Task:
+    def task(self, block: int, part: Ensemble, **known: Any) -> Task:
         """Return a block as it is sent to a worker."""
         megno = None if self.megno is False else {} if self.megno is True else dict(self.megno)
         return Task(

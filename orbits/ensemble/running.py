@@ -19,6 +19,7 @@ from orbits.ensemble.dask_workers import Dask, distributed_package
 from orbits.ensemble.members import Ensemble
 from orbits.ensemble.plan import Plan
 from orbits.ensemble.store import ABOUT, FORMAT, Entry, Store
+from orbits.ensemble.summaries import primary_of
 from orbits.ensemble.tasks import DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Task
 from orbits.ensemble.workers import Processes, Threads, Workers
 from orbits.errors import (
@@ -247,6 +248,7 @@ def _about(plan: Plan, folder: Path) -> tuple[dict[str, Any], int]:
         "columns": {name: str(getattr(values, "unit", "") or "") for name, values in ensemble.columns.items()},
         "axes": {name: len(values) for name, values in ensemble.axes.items()},
         "bodies": list(system.names[: others]),
+        "primary": primary_of(system),
         "identity": {**plan.identity(), "block": str(block)},
         "provenance": provenance(),
     }

@@ -215,20 +215,19 @@ class Store:
 
     def columns(self, entry: Entry) -> Columns:
         """Return the table of a block. Raises ArchiveError if it is damaged."""
-        path = self.folder / f"{self.stem(entry.block)}.npz"
-        try:
-            with np.load(path, allow_pickle=False) as found:
-                return dict(found)
-        except (OSError, ValueError, KeyError, EOFError) as error:
-            raise _damaged(path, error) from error
+        return _loaded(self.folder / f"{self.stem(entry.block)}.npz")
 
     def members(self) -> Columns:
         """Return the names of the members, and what is known of them beforehand. Raises ArchiveError."""
-        try:
-            with np.load(self.folder / MEMBERS, allow_pickle=False) as found:
-                return dict(found)
-        except (OSError, ValueError, KeyError, EOFError) as error:
-            raise _damaged(self.folder / MEMBERS, error) from error
+        return _loaded(self.folder / MEMBERS)
+
+
+def _loaded(path: Path) -> Columns:
+    try:
+        with np.load(path, allow_pickle=False) as found:
+            return dict(found)
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise _damaged(path, error) from error
 
 
 def different(folder: Path, there: Mapping[str, str], here: Mapping[str, str]) -> None:

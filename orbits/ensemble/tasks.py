@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits.ensemble.members import Part
+from orbits.ensemble.members import Ensemble
 from orbits.ensemble.summaries import SURVIVED, Columns, of_particles, of_systems
 from orbits.errors import InputError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
 from orbits.finding import kind_of
@@ -62,7 +62,7 @@ class Task:
 
     number: int
     stem: str
-    part: Part
+    part: Ensemble
     integrator: Integrator
     options: Mapping[str, Any]
     megno: Mapping[str, Any] | None
@@ -221,9 +221,9 @@ def _worked(
     reasons |= {k: f"{type(one).__name__}: {one}" for k, one in failures.items()}
     try:
         if task.part.massless:
-            columns = of_particles(runs[0], len(made[0]) - task.part.count)
+            columns = of_particles(runs[0], len(made[0]) - len(task.part))
         else:
-            columns = of_systems([runs.get(k) for k in range(task.part.count)], reasons)
+            columns = of_systems([runs.get(k) for k in range(len(task.part))], reasons)
         if task.megno is not None:
             columns |= _megno(task, made, reasons, asked)
         bits = _bits(list(runs.values()), columns)
@@ -337,7 +337,7 @@ def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str], a
     """Return MEGNO of the members at the end, and when each first had a passage that the method cannot follow."""
     assert task.megno is not None
     known = {name: task.options[name] for name in ("dt", "duration", "until") if name in task.options}
-    values, passages = np.full((2, task.part.count), np.nan)
+    values, passages = np.full((2, len(task.part)), np.nan)
     for k, system in made.items():
         if k in reasons:
             continue
@@ -350,7 +350,7 @@ def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str], a
         except IntegrationError:
             continue
         if task.part.massless:
-            members = found.particles[-task.part.count :]
+            members = found.particles[-len(task.part) :]
             values[:] = [one.megno[-1] for one in members]
             passages[:] = [np.nan if one.passage is None else one.passage.value for one in members]
         elif found.massive is None:

@@ -1,7 +1,7 @@
 """Differential correction: the start of a body for which the weighted squares of the residuals are least.
 
-Steps are those of Gauss and Newton, shortened after Levenberg and Marquardt while they do not help. Observations are
-rejected, and taken back, by the size of their residuals relative to what is expected of these after the fit.
+Observations are rejected, and taken back, by the size of their residuals relative to what is expected of these after
+the fit.
 Sources: Milani & Gronchi (2010), Theory of Orbit Determination, ch. 5; Carpino, Milani & Chesley (2003), Icarus 166,
 248.
 """
@@ -14,8 +14,9 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import ConvergenceError, InputError, IntegrationError, counted
+from orbits.errors import InputError, IntegrationError, counted
 from orbits.fitting.instruments import Instrument
+from orbits.fitting.least_squares import Fitted, Linear, least_squares
 from orbits.propagation.variations.arc import Arc
 
 Array = NDArray[np.float64]
@@ -27,13 +28,7 @@ CONVERGED = 1e-3
 ROUGH = 0.1
 """The same while outliers are sought, whose large residuals are far from linear."""
 
-NOTHING = 0.01
-"""By how much the sum of squares, in units of sigmas, may grow in a step."""
-
-STILL_GOOD = 1e-3
-"""Derivatives are used again as long as residuals change as they predict, to this part."""
-
-MOST_STEPS, MOST_ROUNDS = 40, 15
+MOST_ROUNDS = 15
 SINGULAR = 1e-11
 """Directions whose derivatives are smaller than this, relative to the largest, are not determined."""
 
@@ -48,7 +43,7 @@ class Solution:
 
     start : (n,), au and au/d, then the values of parameters; delay : of the light, days, (m,)
     residuals : arcseconds, or microseconds or Hz and 0, (m, 2)
-    derivatives : of what is computed by the start, (m, 2, n)
+    derivatives : of what is computed by the start, in units of sigmas without their correlation, (m, 2, n)
     used : which observations count, (m,); chi2 : of each observation, relative to what is expected of it after the fit
     """
 
@@ -75,10 +70,10 @@ class Problem:
         return self.sight.residuals(seen), seen.delay
 
     def derivatives(self, start: Array, delay: Array) -> Array:
-        """Return the derivatives of what is computed by the start, (m, 2, n)."""
+        """Return the derivatives of what is computed by the start, white, (m, 2, n)."""
         times = self.sight.days - delay
         seen = self.sight.seen(*self.arc.states(start, times), delay)
-        return self.sight.derivatives(seen, self.arc.derivatives(start, times))
+        return self.white(self.sight.derivatives(seen, self.arc.derivatives(start, times)))
 
     def white(self, x: Array) -> Array:
         """Return residuals or derivatives, (m, 2, ...), in units of their sigmas, without their correlation."""
@@ -99,39 +94,37 @@ def corrected(
     if known is None:
         now, delay = np.array(start, dtype=np.float64), np.zeros(len(used))
         for _ in range(2):  # the first light time is a guess
-            residuals, delay = problem.seen(now, delay)
-        linear = Linear.of(problem, problem.derivatives(now, delay), used)
+            seen = problem.seen(now, delay)
+            delay = seen[1]
+        white = problem.derivatives(now, delay)
     else:
-        now, residuals, delay = known.start, known.residuals, known.delay
-        linear = Linear.of(problem, known.derivatives, used)
-    damping, exact = 0.0, True  # whether the derivatives are those of this very start
-    for _ in range(MOST_STEPS):
-        r = problem.white(residuals)[used].ravel()
-        step, change = linear.step(r, damping)
-        size = float(np.linalg.norm(change))
-        last = size < enough * np.sqrt(len(now))
+        now, seen, white = known.start, (known.residuals, known.delay), known.derivatives
+
+    def residuals(x: Array, near: tuple[Array, Array]) -> tuple[Array, tuple[Array, Array]]:
         try:
-            tried, light = problem.seen(now + step, delay)
-            found = problem.white(tried)[used].ravel()
+            there = problem.seen(x, near[1])
         except (IntegrationError, InputError):  # the step leads to a body, or a mass, that cannot be
-            found = np.full_like(r, np.inf)
-        if np.isfinite(found).all() and (last or float(found @ found) <= float(r @ r) + NOTHING):
-            now, residuals, delay = now + step, tried, light
-            if last and damping == 0.0:
-                return _solution(problem, now, residuals, delay, linear.derivatives, used)
-            damping, exact = damping / 30.0 if damping > 1e-9 else 0.0, False
-            if np.linalg.norm(found - (r - change)) <= STILL_GOOD * size:
-                continue
-        elif exact:
-            damping = max(30.0 * damping, 1e-8)
-            continue
-        linear, exact = Linear.of(problem, problem.derivatives(now, delay), used), True
-    raise ConvergenceError(_unconverged(problem, residuals, used))
+            return np.full_like(problem.sigma, np.inf), near
+        return problem.white(there[0]), there
+
+    found = least_squares(
+        residuals,
+        lambda x, there: problem.derivatives(x, there[1]),
+        Fitted(now, problem.white(seen[0]), seen, white),
+        lambda last, weak: _failure(problem, last, weak, used),
+        enough=enough,
+        singular=SINGULAR,
+        used=used,
+    )
+    return _solution(found, used)
 
 
-def _unconverged(problem: Problem, residuals: Array, used: Mask) -> str:
-    """Return what is told of a correction that does not converge."""
-    chi2 = np.where(used, (problem.white(residuals) ** 2).sum(axis=1), 0.0)
+def _failure(problem: Problem, last: Fitted, weak: int | None, used: Mask) -> str:
+    """Return what is told of a correction that does not converge, or of a start that is not determined."""
+    if weak is not None:
+        more = f" and {counted(len(last.x) - 6, 'parameter')}" * (len(last.x) > 6)
+        return f"the observations do not determine all six elements of an orbit{more}."
+    chi2 = np.where(used, (last.residuals**2).sum(axis=1), 0.0)
     worst, epoch = int(np.argmax(chi2)), problem.arc.system.epoch
     assert epoch is not None  # a system in an ephemeris has one
     count, left = int(used.sum()), int((~used).sum())
@@ -145,59 +138,18 @@ def _unconverged(problem: Problem, residuals: Array, used: Mask) -> str:
     return said + "They are met already, so that they hardly determine all that is fitted: fit fewer parameters."
 
 
-@dataclass(frozen=True)
-class Linear:
-    """The derivatives of residuals by the start, and the parts of them in units of sigmas and of their own lengths.
-
-    derivatives : (m, 2, n), of all observations; left, sizes, right : of those that are used; scale : lengths, (n,)
-    """
-
-    derivatives: Array
-    left: Array
-    sizes: Array
-    right: Array
-    scale: Array
-
-    @classmethod
-    def of(cls, problem: Problem, derivatives: Array, used: Mask) -> Linear:
-        """Return the parts. Raises ConvergenceError if the observations do not determine the start."""
-        white = problem.white(derivatives)[used].reshape(-1, derivatives.shape[2])
-        scale = np.linalg.norm(white, axis=0)
-        if np.isfinite(scale).all() and scale.all() and len(white) >= len(scale):
-            left, sizes, right = np.linalg.svd(white / scale, full_matrices=False)
-            if sizes[-1] >= SINGULAR * sizes[0]:
-                return cls(derivatives, left, sizes, right, scale)
-        more = f" and {counted(len(scale) - 6, 'parameter')}" * (len(scale) > 6)
-        raise ConvergenceError(f"the observations do not determine all six elements of an orbit{more}.")
-
-    def step(self, r: Array, damping: float) -> tuple[Array, Array]:
-        """Return the correction of the start, (n,), for residuals r in units of sigmas, and what it takes off them."""
-        parts = self.sizes / (self.sizes**2 + damping) * (self.left.T @ r)
-        return (self.right.T @ parts) / self.scale, self.left @ (self.sizes * parts)
-
-
-def _solution(
-    problem: Problem, start: Array, residuals: Array, delay: Array, derivatives: Array, used: Mask
-) -> Solution:
+def _solution(found: Fitted, used: Mask) -> Solution:
     """Return a solution with chi-squared of each observation: of residuals whose covariance is that of the observation,
     less what the fit takes of it, or more for one that is not used.
     """
-    white, r = problem.white(derivatives), problem.white(residuals)
-    of_fit = white @ covariance(white[used]) @ np.swapaxes(white, 1, 2)
+    white, r = found.derivatives, found.residuals
+    of_fit = white @ Linear.of(white[used]).covariance() @ np.swapaxes(white, 1, 2)
     expected = np.eye(2) + np.where(used, -1.0, 1.0)[:, None, None] * of_fit
     # An observation that determines the orbit by itself leaves nothing: of rounding, here a thousandth.
     expected[:, [0, 1], [0, 1]] = np.maximum(expected[:, [0, 1], [0, 1]], 1e-3)
     chi2 = np.einsum("mi,mi->m", r, np.linalg.solve(expected, r[:, :, None])[:, :, 0])
-    return Solution(start, residuals, delay, derivatives, used, np.abs(chi2))
-
-
-def covariance(white: Array) -> Array:
-    """Return the covariance of the start by derivatives in units of sigmas, (m, 2, n)."""
-    white = white.reshape(-1, white.shape[-1])
-    scale = np.linalg.norm(white, axis=0)
-    _, sizes, right = np.linalg.svd(white / scale, full_matrices=False)
-    half = right.T / sizes / scale[:, None]
-    return np.asarray(half @ half.T)
+    seen, delay = found.known
+    return Solution(found.x, seen, delay, white, used, np.abs(chi2))
 
 
 def with_outliers_rejected(problem: Problem, start: Array, used: Mask) -> Solution:

@@ -18,10 +18,11 @@ from orbits.checks import checked_flag
 from orbits.elements.two_body import any_two_body
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, UnknownNameError, counted, shown
-from orbits.fitting.correction import Problem, Solution, corrected, covariance, with_outliers_rejected
+from orbits.fitting.correction import Problem, Solution, corrected, with_outliers_rejected
 from orbits.fitting.echoes import Echoes, without_radius
 from orbits.fitting.initial import Root, first_solution, orbits_in_doubt
 from orbits.fitting.instruments import Instrument, Together
+from orbits.fitting.least_squares import Linear
 from orbits.fitting.planets import OfPlanets, PlanetOptions, fit_planets, of_planets
 from orbits.fitting.result import Fit, telling_rejections
 from orbits.fitting.sight import Sight
@@ -198,7 +199,7 @@ def _fitted(
         (),
         problem,
         found,
-        covariance(problem.white(found.derivatives)[found.used]),
+        Linear.of(found.derivatives[found.used]).covariance(),
     )
     rejected = telling_rejections(fit)
     if rejected is not None:

@@ -1,9 +1,7 @@
 """The fit of a planetary system to times of transits and radial velocities.
 
 The model is that of the system: Newton's attraction of all bodies and its terms, without light time. Its derivatives
-are differences, in steps that change the residuals by a hundredth of their sigmas. Steps are those of Gauss and Newton,
-shortened after Levenberg and Marquardt while they do not help.
-Source: Marquardt (1963), J. SIAM 11, 431.
+are differences, in steps that change the residuals by a hundredth of their sigmas.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ from orbits.body_names import index_of
 from orbits.checks import checked_flag
 from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import ConvergenceError, InputError, IntegrationError, SystemsError, UnknownNameError, shown
-from orbits.fitting.correction import covariance
+from orbits.fitting.least_squares import Fitted, Linear, least_squares
 from orbits.observing.measured import RadialVelocities, TransitTimes
 from orbits.propagation.planetary import ELEMENTS, MOST_E, Model, checked_start, elements_of, with_planets
 from orbits.results.covariance import Covariance
@@ -60,8 +58,8 @@ differences known.
 WIDEST = (1.0, 1.0, 1.0, 1.0, 1.0, np.pi, np.pi)
 """The sigmas of parameters that are not determined: all that they can be, P and t0 relative to P."""
 
-MOST_STEPS = 100
-MOST_DAMPING = 1e10
+DAMPING = 1e-3
+"""Of the first step: the start may be far off."""
 
 
 @dataclass
@@ -101,72 +99,55 @@ class Problem:
         now[:, 2] -= now[:, 1] * np.rint(now[:, 2] / now[:, 1])
         return np.append(now[self.free], x[self.count :])
 
-    def check_sigmas(self, slopes: Array) -> None:
-        """Raise ConvergenceError if a parameter may be anything, by the derivatives of the residuals."""
-        share = np.sqrt(np.diag(covariance(slopes)))[: self.count] / self.widest
+    def check_sigmas(self, now: Fitted) -> None:
+        """Raise ConvergenceError if a parameter may be anything, by the derivatives."""
+        share = np.sqrt(np.diag(Linear.of(now.derivatives).covariance()))[: self.count] / self.widest
         if share.max(initial=0.0) > 1.0:
-            raise self.undetermined(int(share.argmax()))
+            raise ConvergenceError(self.failure(now, int(share.argmax())))
 
-    def undetermined(self, number: int) -> ConvergenceError:
-        """Return the error for a parameter that is not determined."""
-        return ConvergenceError(
-            f"the measurements do not determine all parameters, least {self.labels[number]}; fit fewer: elements=[...]."
-        )
+    def failure(self, last: Fitted, weak: int | None) -> str:
+        """Return what is told of a fit that does not converge, or of a parameter that is not determined."""
+        if weak is None:
+            self.check_sigmas(last)
+            return "the fit of the planets does not converge; begin nearer to it, or fit fewer parameters."
+        weakest = self.labels[weak]
+        return f"the measurements do not determine all parameters, least {weakest}; fit fewer: elements=[...]."
 
-    def residuals(self, x: Array) -> Array:
+    def residuals(self, x: Array, known: None = None) -> tuple[Array, None]:
         """Return measured less computed, in sigmas; infinite where there is no such motion."""
         now, nothing = self.elements(x), np.full(len(self.sigma), np.inf)
         mass, P, _, k, h, inc, _ = now.T
         if not ((np.hypot(k, h) <= MOST_E) & (mass >= LEAST_MASS) & (P > 0.0) & (abs(inc / np.pi - 0.5) <= 0.5)).all():
-            return nothing
+            return nothing, None
         try:
             off = (self.measured - self.model.computed([now])[0] - self.zeros @ x[self.count :]) / self.sigma
         except (IntegrationError, SystemsError):
-            return nothing
-        return off if np.isfinite(off).all() else nothing
+            return nothing, None
+        return off if np.isfinite(off).all() else nothing, None
 
-    def derivatives(self, x: Array) -> Array:
-        """Return the derivatives of the residuals, (m, parameters); their error is about a thousandth."""
+    def derivatives(self, x: Array, known: None = None) -> Array:
+        """Return the derivatives of what is computed, in sigmas, (m, parameters); their error is about a thousandth."""
         shifts = np.zeros((self.count + 1, len(x)))
         shifts[1:, : self.count] = np.diag(self.steps)
         here, *moved = self.model.computed([self.elements(x + shift) for shift in shifts])
-        by_elements = (here - np.array(moved)).T / self.steps / self.sigma[:, None]
+        by_elements = (np.array(moved) - here).T / self.steps / self.sigma[:, None]
         if not np.isfinite(by_elements).all():
             raise ConvergenceError("the fit comes to where a planet does not transit; begin nearer, or fit less.")
         size = np.linalg.norm(by_elements, axis=0)
         self.steps = np.minimum(STEP / np.maximum(size, 1e-300), self.largest)
-        return np.concatenate([by_elements, -self.zeros / self.sigma[:, None]], axis=1)
+        return np.concatenate([by_elements, self.zeros / self.sigma[:, None]], axis=1)
 
-    def solved(self) -> tuple[Array, Array, Array]:
+    def solved(self) -> Fitted:
         """Return the parameters, the residuals in sigmas, and their derivatives. Raises ConvergenceError."""
         first = self.measured - self.model.computed([self.start])[0]
         x = np.append(self.start[self.free], np.linalg.lstsq(self.zeros, first, rcond=None)[0])
-        off, damping, slopes = self.residuals(x), 1e-3, self.derivatives(x)
-        for _ in range(MOST_STEPS):
-            scale = np.linalg.norm(slopes, axis=0)
-            left, sizes, right = np.linalg.svd(slopes / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
-            if not sizes[-1] > SINGULAR * sizes[0]:
-                raise self.undetermined(int(np.abs(right[-1]).argmax()))
-            parts = left.T @ off  # what an undamped step would take off
-            step = right.T @ (sizes / (sizes**2 + damping) * parts) / scale
-            found = self.residuals(x - step)
-            gain, promised = off @ off - found @ found, off @ off - np.square(off - slopes @ step).sum()
-            last = np.linalg.norm(parts) < CONVERGED * np.sqrt(len(x))
-            if last or gain > 0.0:
-                if gain > 0.0:
-                    x, off = x - step, found
-                if last:
-                    self.check_sigmas(slopes)
-                    return x, off, slopes
-                x = self.folded(x)
-                slopes = self.derivatives(x)
-                damping *= 0.1 if gain > 0.5 * promised else 1.0
-            elif damping > MOST_DAMPING:
-                break
-            else:
-                damping *= 10.0
-        self.check_sigmas(slopes)
-        raise ConvergenceError("the fit of the planets does not converge; begin nearer to it, or fit fewer parameters.")
+        start, limits = Fitted(x, *self.residuals(x), self.derivatives(x)), {"enough": CONVERGED, "singular": SINGULAR}
+        found = least_squares(self.residuals, self.derivatives, start, self.failure, damping=DAMPING, **limits)
+        x = self.folded(found.x)
+        if not np.array_equal(x, found.x):
+            found = found._replace(x=x, derivatives=self.derivatives(x))
+        self.check_sigmas(found)
+        return found
 
 
 class PlanetOptions(TypedDict, total=False):
@@ -251,14 +232,14 @@ def fit_planets(
             f"planet {transits.planet[k]} of the start does not pass in front of the star near {transits.time[k].iso} "
             "TDB; expected periods and transits as orbits.TransitTimes.linear has them, inc=90 * u.deg, frame='sky'."
         )
-    x, off, white = problem.solved()
+    x, off, _, white = problem.solved()
     if transits is not None:
         P = u.Quantity(problem.elements(x)[:, 1], system.units.time).to_value(u.day)
         for name in transits.planets:
             transits.check_orbits(name, P[index_of(name, planets)])
     of = {"P": system.units.time, "t0": system.units.time, "inc": u.rad, "Omega": u.rad, "offset": u.m / u.s}
     units = tuple(of.get(label.rsplit(".", 1)[1], u.one) for label in labels)
-    best = Covariance("planetary", tuple(labels), units, x, covariance(white))
+    best = Covariance("planetary", tuple(labels), units, x, Linear.of(white).covariance())
     offsets = zeros @ x[int(free.sum()) :]
     return PlanetFit(model.made(problem.elements(x)), transits, velocities, best, off * sigma, sigma, offsets)
 

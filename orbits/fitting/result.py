@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from orbits.astrometry.observations import Observations
 from orbits.astrometry.record import DELAY, DOPPLER, OPTICAL
 from orbits.errors import counted
-from orbits.export import text_table
+from orbits.export import Valued
 from orbits.finding import Finding
 from orbits.fitting.correction import Problem, Solution
 from orbits.fitting.initial import Root, normalized_rms
@@ -51,7 +51,7 @@ class Fitted(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Fit:
+class Fit(Valued):
     """An orbit that was fitted to observations.
 
     system : at the epoch of the orbit, with the body; a run from it is the fitted orbit
@@ -167,22 +167,15 @@ class Fit:
             out += [f"{counted(int(here.sum()), what)}, {left}"] * bool(here.any())
         return out
 
-    def __repr__(self) -> str:
-        caption = (
+    def _caption(self) -> str:
+        return (
             f"orbit of {self.name} at {self.epoch.iso[:16]} TDB from {'; '.join(self._kinds())}; normalized RMS "
             f"{self.normalized_rms:.3g}; relative to the Sun, ecliptic of J2000"
         )
-        return text_table(caption, ["", "unit", "value", "sigma"], self._rows(), words=2)
 
-    def _rows(self) -> list[list[str]]:
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
         kepler, comet = self.covariance("keplerian").rows(), self.covariance("cometary").rows()
-        return [*kepler[:6], *comet[1:3], *kepler[6:]]
-
-    def _repr_html_(self) -> Any:
-        from orbits.export import html_table
-
-        caption, *_ = repr(self).split("\n", 1)
-        return html_table(caption, ["", "unit", "value", "sigma"], self._rows(), words=2)
+        return ["", "unit", "value", "sigma"], [*kepler[:6], *comet[1:3], *kepler[6:]], 0
 
 
 def telling_rejections(fit: Fit) -> Finding | None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.finding import Finding
 from orbits.fitting.correction import Problem, Solution
+from orbits.fitting.least_squares import Linear
 from orbits.observing.light import C
 from orbits.units import GM_SUN
 
@@ -74,10 +75,10 @@ class _Line:
         r, speed = np.linalg.norm(q), np.linalg.norm(v)
         fast = speed * np.sqrt(0.5 * r / GM_SUN)
         belief = fast * np.concatenate([0.5 * q / r**2, v / speed**2])
-        rows = np.concatenate([problem.white(derivatives)[used].reshape(-1, 6), belief[None]])
-        scale = np.linalg.norm(rows, axis=0)
-        left, sizes, right = np.linalg.svd(rows / scale, full_matrices=False)
-        parts = left.T @ np.append(white, -fast) / sizes
+        rows = np.concatenate([derivatives[used].reshape(-1, 6), belief[None]])
+        linear = Linear.of(rows)
+        sizes, right, scale = linear.sizes, linear.right, linear.scale
+        parts = linear.left.T @ np.append(white, -fast) / sizes
         self.cost = float(white @ white + fast**2)
         self.chi2, self.sigma, self.along = float(white @ white), 1.0 / float(sizes[-1]), right[-1] / scale
         self.whole, self.across = (right.T @ parts) / scale, (right[:-1].T @ parts[:-1]) / scale

@@ -82,8 +82,8 @@ class Integrator:
 
     @property
     def order(self) -> int:
-        """Order of convergence."""
-        raise NotImplementedError
+        """Order of convergence: that of its tableau."""
+        return self.tableau.order
 
     def order_with(self, lagrangian: Lagrangian) -> int:
         """Return the order of convergence for a Lagrangian, if its terms change it."""

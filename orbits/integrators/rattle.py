@@ -54,11 +54,6 @@ class Rattle(Integrator):
         return lobatto_iiia_iiib(2)
 
     @property
-    def order(self) -> int:
-        """Order of convergence: 2."""
-        return 2
-
-    @property
     def second_order(self) -> Splitting:
         """Without constraints: half a kick, a drift, half a kick."""
         return Splitting(kick_drift_kick, drifts=1)

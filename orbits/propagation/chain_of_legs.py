@@ -14,20 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, IntegrationError, StorageError
-from orbits.integrators.base import Integrator
-from orbits.marching.clocks.constant import Clock, ConstantSteps
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.clocks.variable_steps import ending
 from orbits.marching.following.retirement import Retirement
+from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
 from orbits.marching.legs.next_step import pass_by, step_back
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
-from orbits.propagation.collisions.contacts import Contacts, Outcome
+from orbits.propagation.collisions.contacts import Contacts, End, Outcome
 from orbits.propagation.collisions.merge_and_bounce import State
-from orbits.propagation.collisions.of_a_run import Collisions
-from orbits.propagation.events.base import Found
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import WORK
 from orbits.system import System
@@ -43,28 +39,17 @@ ROOM = 8192
 class ChainOfLegs(March):
     """A march of a system whose bodies collide, or are changed by events.
 
-    system : at the start; events : of the run, where collisions are listed; approaches : as in `propagate`
+    bodies : those of the run, at its start; events : of the run, where collisions are listed
 
-    bodies : those of the run as they are now; current : their march
+    current : the march of those that are there now
     """
 
-    def __init__(
-        self,
-        system: System,
-        integrator: Integrator,
-        clock: Clock,
-        threads: int | None,
-        events: Seeking,
-        approaches: bool | None = None,
-    ) -> None:
-        self.system, self.clock, self._events = system, clock, events
-        collisions = Collisions(system, events.touching) if events.touching else None
-        self.bodies = BodiesOfRun(system, integrator, clock, threads, collisions, bool(events), approaches)
-        self._contacts = None if collisions is None else Contacts(self.bodies, collisions, events)
+    def __init__(self, bodies: BodiesOfRun, events: Seeking) -> None:
+        system, clock, collisions = bodies.system, bodies.clock, bodies.collisions
+        self.system, self.clock, self.bodies, self._events = system, clock, bodies, events
+        self._contacts = None if collisions is None else Contacts(bodies, collisions, events)
         self._seeks = collisions is not None and bool(events)  # other events, from collision to collision
         self._room = 2 * len(system) if collisions is not None and collisions.only_merges else ROOM
-        self.ended: tuple[Array, State] | None = None
-        self.found: Found | None = None
         self._work = np.zeros((len(system.forces), 7))
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
         self._leg = self.bodies.march(system.values.q, system.values.v, clock)
@@ -94,7 +79,7 @@ class ChainOfLegs(March):
 
     def changes(self) -> Changes:
         """Return the changes so far."""
-        return self.bodies.changes()
+        return self.bodies.changes
 
     def excursions(self) -> tuple[NDArray[np.int64], int] | None:
         """Return the excursions from the map, and their number; None if there can be none."""
@@ -142,30 +127,32 @@ class ChainOfLegs(March):
         self._settle()
         if self._steps_before(place):
             return True
-        return self._contacts is not None and self._contacts.may_lie_before(self._leg, self.clock.time_at(place))
+        return self._contacts is not None and self._contacts.may_lie_before(self.home, self.clock.time_at(place))
 
     def approach(self, place: Place) -> None:
         """March on by a block of steps, or by those before a place or a collision. Raises what `advance` raises."""
-        self.found, leg = None, self._leg
-        if not self._steps_before(place):
-            assert self._contacts is not None
-            self._interrupt(self._contacts.before(leg, self.clock.time_at(place)))
-            return
-        if self._contacts is not None:
-            self._contacts.forget()
+        self.found, leg, contacts = None, self._leg, self._contacts
         try:
-            leg.approach(place if self._grid < 0 else Place(1, 0.0))
+            if self._steps_before(place):
+                leg.approach(place if self._grid < 0 else Place(1, 0.0))
+            elif contacts is not None:
+                time = self.clock.time_at(place)
+                if not contacts.takes_step_up_to(leg.home, time):
+                    self._interrupt(contacts.before(leg.home, time))
+                    return
         except IntegrationError:
             if self._seeks:
                 self._events.after(leg)  # the steps before the one that failed
             raise
-        touched = leg.last.met is not None
-        if touched:
+        touched = None
+        if contacts is not None:
+            contacts.forget()
+            touched = None if leg.home.met is None else End.of(leg.home)
+        if touched is not None:
             step_back(leg)
         self.found = self._events.after(leg) if self._seeks else None
-        if touched and self.found is None:
-            assert self._contacts is not None
-            self._interrupt(self._contacts.in_step_after(leg))
+        if contacts is not None and touched is not None and self.found is None:
+            self._interrupt(contacts.in_step(leg.home, touched))
             if leg is self._leg and self.found is None and self.ended is None:
                 pass_by(leg)
 
@@ -173,9 +160,8 @@ class ChainOfLegs(March):
         """Do what a contact leads to."""
         if outcome is not None:
             self.found, self.ended = outcome.found, outcome.ended
-            if outcome.start is not None and outcome.state is not None:
-                self._work = self._work + outcome.start.accounts()
-                self._begin_leg(outcome.start, outcome.time, outcome.state)
+            if outcome.state is not None:
+                self._begin_leg(outcome.time, outcome.state)
 
     def change(self, kind: str, time: float, q: Array, v: Array, before: System, after: System) -> None:
         """Go on with changed bodies from a time in the step that begins where the march is.
@@ -187,11 +173,10 @@ class ChainOfLegs(March):
         if not len(rows):
             return
         self.bodies.note(rows)
-        self._work = self._work + self._leg.accounts()
-        self._begin_leg(self._leg, time, state)
+        self._begin_leg(time, state)
 
     def follow_events(self) -> None:
-        """Seek the events of the bodies that are there now, in a run that is resumed."""
+        """Seek the events of the bodies that are there now, after a change, or in a run that is resumed."""
         if self._seeks and self._contacts is not None:
             self._contacts.follow_events()
         elif self._events.interrupts:
@@ -209,25 +194,17 @@ class ChainOfLegs(March):
     def _steps_before(self, place: Place) -> bool:
         return place.steps > self._grid if self._grid >= 0 else self._leg.is_before(place)
 
-    def _begin_leg(self, start: Legs, time: float, state: State) -> None:
-        """Go on from a changed state at a time in the step that begins where the march `start` is."""
+    def _begin_leg(self, time: float, state: State) -> None:
+        """Go on from a changed state at a time in the next step."""
         self.changed = True
+        self._work = self._work + self._leg.accounts()
         if self._contacts is not None:
             self._contacts.forget()
-        clock: Clock = self.clock
-        begun, steps, lost = time, start.step, self._leg
-        if lost.covers_parts:
-            begun = 0.0
-        elif not clock.changes:
-            grid = self._grid if self._grid >= 0 else start.step
-            rest = float(clock.time(grid + 1)) - time
-            if rest * clock.direction > 0.0:
-                self._grid, clock, steps = grid, ConstantSteps(rest), 0
-            else:  # at the very end of the step: the next one is whole
-                self._grid, begun, steps = -1, 0.0, grid + 1
-        elif not self.bodies.massive.all():  # by then, not by the end of the step
-            lost = self.bodies.again(lost, ending(start.checkpoint()))
-            lost.advance_to(Place(0, time))
+        grid, lost = self._grid if self._grid >= 0 else self._leg.step, self._leg
+        clock, begun, steps = lost.begun_within(self.clock, grid, time)
+        self._grid = grid if clock is not self.clock else -1
+        if clock.lets_particles_choose and not self.bodies.massive.all():  # by then, not by the end of the step
+            lost = within_step.ended_at(lost.home, time)
         self.bodies.begin_leg()
         there = self.bodies.there
         self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps, time)
@@ -255,7 +232,7 @@ class ChainOfLegs(March):
         for name, (shape, dtype) in self._shapes.items():
             out[name] = np.zeros(shape, dtype=dtype)
             out[name][_corner(known[name].shape)] = known[name]
-        rows = self.bodies.rows
+        rows = self.bodies.changes.rows
         if len(rows) > self._room:
             raise StorageError(
                 f"bodies have changed more than {self._room:,} times, for which an archive has room. End the run "
@@ -273,17 +250,16 @@ class ChainOfLegs(March):
         rows, within, former = (int(x) for x in checkpoint[COUNTS])
         if not (0 <= rows <= self._room and within in (0, 1) and former >= 0 and (rows or not within)):
             raise ArchiveError(f"the changes in its checkpoint are counted as {checkpoint[COUNTS].tolist()}.")
-        self.bodies.rows = changes.no_changes()
-        self.bodies.note(checked_rows(checkpoint, self.system))
+        self.bodies.know(checked_rows(checkpoint, self.system))
         self._work = checkpoint[WORK].copy() if self._work.size else self._work
         self.bodies.begin_leg()
-        self.changed = self.bodies.changes().begin_legs
+        self.changed = self.bodies.changes.begin_legs
         counts = np.asarray(checkpoint["counts"]).copy()
         self._grid = int(counts[0]) if within else -1
         values, there, clock, begun = self.system.values, self.bodies.there, self.clock, 0.0
         if within:
-            begun = float(self.bodies.rows[-1, changes.TIME])
-            clock = ConstantSteps(float(self.clock.time(self._grid + 1)) - begun)
+            begun = float(self.bodies.changes.rows[-1, changes.TIME])
+            clock, _, _ = self.clock.begun_within(self._grid, begun)
         counts[0] += 0 if within else former  # earlier versions counted the steps of each leg
         self._leg.close()
         self._leg = self.bodies.march(values.q[there], values.v[there], clock, begun)

@@ -9,7 +9,6 @@ from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
@@ -33,13 +32,12 @@ from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
-from orbits.propagation.control.stop_conditions import asks_to_stop
 from orbits.propagation.events.base import Sample
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.results.recording import observed_until
 from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
 from orbits.propagation.resuming.sample_store import SampleStore
-from orbits.propagation.run_ends import ParticlesOfRun, RunEnds, moved_on
+from orbits.propagation.run_ends import ParticlesOfRun, RunEnds
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
@@ -93,6 +91,12 @@ class Run(NamedTuple):
     release: Callable[[], None] = lambda: None
     heartbeat: Heartbeat | None = None
 
+    def bar(self, label: str) -> Progress:
+        """Return a bar that shows its progress."""
+        unit, begun = self.system.units.time, (self.marcher.time, self.marcher.step)
+        steps = self.grid.whole_steps
+        return Progress(self.progress, label=label, total=self.grid.end, unit=unit, steps=steps, begun=begun)
+
 
 def march(run: Run) -> Trajectory:
     """March a run; however it ends, the archive is left closed and readable."""
@@ -116,7 +120,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     stopped_by : a request for several runs at once; None for one of its own
     bar : what shows progress; None for a bar or a heartbeat of its own
     """
-    system, integrator, marcher, grid, first, begin, progress, watch, accounts, steps, _, heartbeat = run
+    system, integrator, marcher, grid, watch = run.system, run.integrator, run.marcher, run.grid, run.watch
     begun, known = time.perf_counter(), len(marcher.retired())
     failure: Any = None  # an IntegrationError, a StorageError, or what a function of the user raised
     writer: ArchiveWriter | None = None
@@ -124,30 +128,29 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     try:
         # Signals are caught before there is a file, so that no file is left without a message on how to go on.
         with StopRequest() if stopped_by is None else nullcontext(stopped_by) as stop:
-            writer = begin()
+            writer = run.begin()
             marcher.compile()
             compiled = time.perf_counter()
-            room, begin_at = len(grid) - first, (marcher.time, marcher.step)
             pace = Pace.from_now(marcher.time) if writer is not None and writer.has(PACE) else None
-            store = SampleStore(len(system.names), room, writer, accounts, steps, watch.events, pace)
-            unit, count = system.units.time, grid.whole_steps
-            if bar is None and heartbeat is not None:  # that of several runs is given together
-                bar = Beats(heartbeat, system, integrator, grid, marcher, writer)
+            room = len(grid) - run.first
+            store = SampleStore(len(system.names), room, writer, run.accounts, run.steps, watch.events, pace)
+            if bar is None and run.heartbeat is not None:  # that of several runs is given together
+                bar = Beats(run.heartbeat, run, writer)
             elif bar is None:
-                bar = Progress(progress, label=integrator.label, total=grid.end, unit=unit, steps=count, begun=begin_at)
+                bar = run.bar(integrator.label)
             try:
                 try:
-                    particles = ParticlesOfRun(system, integrator, marcher, grid, watch)
-                    complete = yield from _sample(system, marcher, grid, first, store, bar, stop, watch, particles)
+                    particles = ParticlesOfRun(run)
+                    complete = yield from _sample(run, store, bar, stop, particles)
                     watch.events.flush()
                     particles.end()
                 except (IntegrationError, Raised) as error:
                     failure = error.error if isinstance(error, Raised) else error
                     with suppress(EventError, Raised):
                         watch.events.flush()
-                store.ended = _how(marcher, grid, complete, watch, failure, stop)
+                store.ended = _how(run, complete, failure, stop)
                 store.commit(marcher)
-                bar.update(_reached(marcher, grid, complete, watch), marcher.step)
+                bar.update(_reached(run, complete), marcher.step)
             except StorageError as error:
                 failure = error
             finally:
@@ -160,7 +163,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             compile_time=compiled - begun,
         )
         try:
-            trajectory = _result(system, integrator, grid, store, writer, statistics)
+            trajectory = _result(run, store, writer, statistics)
         except OrbitsError as error:
             # If the device has failed, the committed samples may not be readable either.
             raise failure or error from None
@@ -171,7 +174,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     finally:
         marcher.close()
     trajectory.stopped = watch.stopped
-    trajectory._span = 0.0, _reached(marcher, grid, complete, watch)
+    trajectory._span = 0.0, _reached(run, complete)
     trajectory._events = watch.events.table()
     trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
     excursions = marcher.excursions()
@@ -238,17 +241,16 @@ def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:
     """March a run whose samples and checkpoints go to `writer`, which has the `commit` of an `ArchiveWriter`;
     without a trajectory, and without warnings. Raises what a run that fails raises.
     """
-    system, integrator, marcher, grid, first, *_ = run
-    store = SampleStore(len(system.names), len(grid) - first, writer, run.accounts, events=run.watch.events)
+    room = len(run.grid) - run.first
+    store = SampleStore(len(run.system.names), room, writer, run.accounts, events=run.watch.events)
     try:
-        marcher.compile()
-        particles = ParticlesOfRun(system, integrator, marcher, grid, run.watch)
-        for _ in _sample(system, marcher, grid, first, store, bar, stop, run.watch, particles):
+        run.marcher.compile()
+        for _ in _sample(run, store, bar, stop, ParticlesOfRun(run)):
             pass
-        store.commit(marcher)
+        store.commit(run.marcher)
     finally:
         bar.close()
-        marcher.close()
+        run.marcher.close()
 
 
 def _was_stopped(stop: StopRequest, trajectory: Trajectory, watch: RunEnds) -> bool:
@@ -256,26 +258,19 @@ def _was_stopped(stop: StopRequest, trajectory: Trajectory, watch: RunEnds) -> b
     return bool(stop.name) and not trajectory.complete and watch.stopped is None
 
 
-def _result(
-    system: System,
-    integrator: Integrator,
-    grid: TimeGrid,
-    store: SampleStore,
-    writer: ArchiveWriter | None,
-    statistics: Statistics,
-) -> Trajectory:
+def _result(run: Run, store: SampleStore, writer: ArchiveWriter | None, statistics: Statistics) -> Trajectory:
     if writer is not None:
         # From the file that was written, even if its path now refers to another one.
         path = str(writer.path) if writer.in_place else None
         return of_archive(Trajectory, writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
-    q, v, accounts = store.arrays()
+    (q, v, accounts), grid = store.arrays(), run.grid
     return Trajectory(
-        system,
+        run.system,
         grid.times[: len(q)].copy(),
         q,
         v,
         step=grid.clock,
-        integrator=integrator,
+        integrator=run.integrator,
         statistics=statistics,
         complete=len(q) == len(grid) and (store.ended.finished or not grid.goes_on),
         again=REPLAY,
@@ -284,43 +279,35 @@ def _result(
     )
 
 
-def _reached(marcher: March, grid: TimeGrid, finished: bool, watch: RunEnds) -> float:
+def _reached(run: Run, finished: bool) -> float:
     """Return the time up to which a run was marched."""
     if finished:
-        return grid.end
-    return marcher.time if watch.stopped is None else float(watch.stopped.time.value)
+        return run.grid.end
+    stopped = run.watch.stopped
+    return run.marcher.time if stopped is None else float(stopped.time.value)
 
 
-def _how(
-    marcher: March, grid: TimeGrid, finished: bool, watch: RunEnds, failure: Exception | None, stop: StopRequest
-) -> Ended:
+def _how(run: Run, finished: bool, failure: Exception | None, stop: StopRequest) -> Ended:
     """Return how a run ended."""
     how = why = ""
-    if watch.stopped is not None:
-        how, why = STOPPED, watch.stopped.reason
+    if run.watch.stopped is not None:
+        how, why = STOPPED, run.watch.stopped.reason
     elif failure is not None:
         how, why = FAILED, f"{type(failure).__name__}: {failure}"
     elif stop.name and not finished:
         how, why = INTERRUPTED, stop.name
-    return Ended(finished, _reached(marcher, grid, finished, watch), how, why)
+    return Ended(finished, _reached(run, finished), how, why)
 
 
 def _sample(
-    system: System,
-    marcher: March,
-    grid: TimeGrid,
-    first: int,
-    store: SampleStore,
-    bar: Bar,
-    stop: StopRequest,
-    watch: RunEnds,
-    particles: ParticlesOfRun,
+    run: Run, store: SampleStore, bar: Bar, stop: StopRequest, particles: ParticlesOfRun
 ) -> Generator[Place, None, bool]:
-    """Visit every sample from `first` on, and the end of the run, until a stop is requested; return whether the run
-    came to its end. The place to which the next block leads is yielded before it.
+    """Visit every sample of a run, and its end, until a stop is requested; return whether it came to its end. The place
+    to which the next block leads is yielded before it.
     """
+    marcher, grid, watch = run.marcher, run.grid, run.watch
     watch.begun = time.perf_counter()
-    places, events, index = grid.places, watch.events, first
+    places, events, index = grid.places, watch.events, run.first
     alone = bool(particles) or watch.callback is not None  # what looks at each sample in turn
     singly = 0  # the sample up to which blocks end before each, as a partial step from within one failed
     while index < len(grid.goals):
@@ -344,7 +331,7 @@ def _sample(
                     singly = last
                     continue
             step = marcher.step
-            found = watch.after(marcher)  # with a failure, in the steps before it
+            found = watch.after()  # with a failure, in the steps before it
             if found is not None:
                 early = (grid.times[index : index + passed] - found.time) * grid.direction < 0.0
                 passed = int(np.count_nonzero(early))
@@ -356,15 +343,15 @@ def _sample(
             bar.update(marcher.time, marcher.step)
             if failure is not None and found is None:
                 raise failure
-            if stop.name or watch.interrupted(system, marcher, found) or watch.ended(system, marcher):
+            if stop.name or watch.interrupted(found) or watch.ended():
                 return False
             if store.full and index < len(grid.goals):  # the last one is committed with the end of the run
                 store.commit(marcher)
             continue
         goal = float(grid.goals[index])
         while events.interrupts:  # those between the last step and the sample
-            found = watch.ahead(marcher, goal)
-            if watch.interrupted(system, marcher, found):
+            found = watch.ahead(goal)
+            if watch.interrupted(found):
                 return False
             if found is None:
                 break
@@ -374,21 +361,18 @@ def _sample(
         most = 1 if single else min(store.room, AT_ONCE, len(grid) - index)
         q, v = marcher.samples.ahead(places.between(index, index + most))
         sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()
-        if watch.interrupted(system, marcher, watch.at_a_bound(marcher, sample)) or particles.reach(sample):
+        if watch.interrupted(watch.at_a_bound(sample)) or particles.reach(sample):
             return False
         if index == len(grid):
             break
         store.add(q, v, accounts)
         index += len(q)
-        if watch.callback is not None:
-            there = moved_on(system, marcher, *sample)
-            if asks_to_stop(watch.callback, u.Quantity(goal, system.units.time), there):
-                watch.note(system, marcher, goal, sample[1:], "the callback ended the run", None)
-                return False
+        if watch.called_back(sample):
+            return False
         if store.full and index < len(grid.goals):
             store.commit(marcher)
     while (found := watch.events.before(marcher.current, grid.end, record=True)) is not None:
-        if watch.interrupted(system, marcher, found):
+        if watch.interrupted(found):
             return False
-    watch.at_end(system, marcher, grid.end)
+    watch.at_end(grid.end)
     return True

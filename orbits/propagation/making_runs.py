@@ -22,6 +22,7 @@ from orbits.propagation.checks.rigid_runs import check_rigid
 from orbits.propagation.control.heartbeat import Heartbeat
 from orbits.propagation.control.stop_conditions import Condition, Conditions, check_callback
 from orbits.propagation.control.wall_clock import Deadline
+from orbits.propagation.events.archived import description_of
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Run, march
@@ -84,7 +85,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
     if grid.clock.changes:
         check_length(system, grid)
     check_before_start(system, integrator, grid, how.check_step)
-    watch = RunEnds(conditions, how.callback, bool(how.check_step), seeking, deadline=how.wall_time)
+    watch = RunEnds(system, marcher, conditions, how.callback, bool(how.check_step), seeking, deadline=how.wall_time)
     accounts = no_accounts(len(grid), len(system.forces), most_inner(system))
     check_what_is_kept(system, integrator, seeking, dense=dense)
     if dense and archive is None:
@@ -114,7 +115,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             checkpoint=checkpoint_of(marcher, accounts, seeking, pace=Pace()),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
-            events=seeking.described(),
+            events=description_of(seeking),
             steps=room_for_steps(system, integrator, grid) if dense else 0,
             origin=how.origin,
             approaches=marcher.current.problem.approaches,
@@ -162,6 +163,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.
         return extended(old, grid, now)
 
-    watch = RunEnds(Conditions(()), None, True, seeking, last_sample(old, old.committed), how.wall_time)
+    before = last_sample(old, old.committed)
+    watch = RunEnds(system, marcher, Conditions(()), None, True, seeking, before, how.wall_time)
     rest = Run(system, integrator, marcher, grid, old.committed, begin, how.progress, watch, accounts, steps)
     return rest._replace(release=old.close, heartbeat=how.heartbeat)

@@ -57,7 +57,11 @@ def march_of_run(
             "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
         )
     from orbits.propagation.chain_of_legs import ChainOfLegs
+    from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
+    from orbits.propagation.collisions.of_a_run import Collisions
 
-    march_on = ChainOfLegs(system, integrator, clock, threads, events, approaches)
-    events.check(march_on.current)
-    return march_on
+    collisions = Collisions(system, events.touching) if events.touching else None
+    bodies = BodiesOfRun(system, integrator, clock, threads, collisions, bool(events), approaches)
+    chain = ChainOfLegs(bodies, events)
+    events.check(chain.current)
+    return chain

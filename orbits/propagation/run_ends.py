@@ -13,24 +13,23 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
-from orbits.integrators.base import Integrator
 from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
 from orbits.marching.watching.leg_observers import ENERGY
-from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver
+from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver, asks_to_stop
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Found, Happening, Sample, Sought
-from orbits.propagation.events.particles import ParticleSearches
+from orbits.propagation.events.search.of_particles import ParticleSearches
 from orbits.propagation.events.seeking import Seeking
 from orbits.results.stop import Stop
 from orbits.system import System
-from orbits.time_grid import TimeGrid
 from orbits.trajectory.changes import at_time
 from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.propagation.chain_of_legs import ChainOfLegs
+    from orbits.propagation.loop import Run
 
 Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
@@ -40,9 +39,12 @@ Callback = Callable[[u.Quantity, System], object]
 class RunEnds:
     """The conditions that may end a run early, and the one that did.
 
-    before : the sample from which the run goes on; deadline : the limit of its wall time, if there is one
+    system, marcher : of the run
+    before : the sample from which it goes on; deadline : the limit of its wall time, if there is one
     """
 
+    system: System
+    marcher: March
     conditions: Conditions
     callback: Callback | None
     check_step: bool
@@ -52,38 +54,40 @@ class RunEnds:
     stopped: Stop | None = None
     begun: float = 0.0
 
-    def ended(self, system: System, marcher: March) -> bool:
+    def ended(self) -> bool:
         """Return whether a condition that ends the run holds, and note it."""
+        marcher = self.marcher
         if marcher.ended is not None:
             row, bodies = marcher.ended
-            names = " and ".join(system.names[int(k)] for k in row[[BODY, OTHER]])
+            names = " and ".join(self.system.names[int(k)] for k in row[[BODY, OTHER]])
             event = self.events.asked.of[int(row[NUMBER])]
-            self.note(system, marcher, float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
+            self.note(float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
             return True
         found = self.conditions.exceeded() if marcher.current.last.met == ENERGY else None
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is None and self.deadline is not None and self.deadline.over:
             found = self.deadline.words, WallTimeOver(self.deadline.seconds)
         if found is not None:
-            self.note(system, marcher, marcher.time, marcher.state(), *found)
+            self.note(marcher.time, marcher.state(), *found)
         return found is not None
 
-    def at_end(self, system: System, marcher: March, end: float) -> None:
+    def at_end(self, end: float) -> None:
         """Note a condition on the ends of steps that holds at the end of the run, if its last step is chosen to end
         there.
         """
-        if self.conditions.energy < np.inf and marcher.home.times.end_anywhere:
+        if self.conditions.energy < np.inf and self.marcher.home.times.end_anywhere:
             with suppress(IntegrationError):
-                last = within_step.ended_at(marcher.home, end)
+                last = within_step.ended_at(self.marcher.home, end)
                 if last.met == ENERGY:
-                    self.note(system, marcher, last.time, last.state(), *self.conditions.exceeded())
+                    self.note(last.time, last.state(), *self.conditions.exceeded())
 
-    def interrupted(self, system: System, marcher: March, found: Found | None) -> bool:
+    def interrupted(self, found: Found | None) -> bool:
         """Return whether an event ends the run, and note it; others that interrupt it act."""
         if found is None:
             return False
+        marcher = self.marcher
         state = marcher.state_after(found.time - marcher.time)
-        at = moved_on(system, marcher, found.time, *state) if self.events.touching else None
+        at = self.system_at(found.time, *state) if self.events.touching else None
         happening = self.events.asked.happening(found, state, at)
         then = happening.event.then
         if not isinstance(then, str):
@@ -95,62 +99,69 @@ class RunEnds:
                 self.events.log.drop_from(found.time)  # a run that is resumed acts there
                 raise
             if changed is not None:
-                self.events.follow(cast("ChainOfLegs", marcher).bodies.now())
+                marcher.follow_events()
             return False
         self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
-        self.end_at(system, marcher, happening, found.time, state)
+        self.end_at(happening, found.time, state)
         return True
 
-    def end_at(
-        self, system: System, marcher: March, happening: Happening, time: float, state: tuple[Array, Array]
-    ) -> None:
+    def end_at(self, happening: Happening, time: float, state: tuple[Array, Array]) -> None:
         """Note the event that ends the run."""
         names = [name for name in (happening.body, happening.other) if name is not None]
         reason = " and ".join(names) + ": " * bool(names) + happening.kind
-        self.note(system, marcher, time, state, reason, self.conditions.given(happening.event))
+        self.note(time, state, reason, self.conditions.given(happening.event))
 
-    def after(self, marcher: March) -> Found | None:
+    def after(self) -> Found | None:
         """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
         if self.events.touching:
-            return cast("Found | None", marcher.found)  # it seeks them itself, from collision to collision
-        return self.events.after(marcher.current)
+            return cast("Found | None", self.marcher.found)  # it seeks them itself, from collision to collision
+        return self.events.after(self.marcher.current)
 
-    def ahead(self, marcher: March, time: float) -> Found | None:
+    def ahead(self, time: float) -> Found | None:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
-        found = None
+        found, marcher = None, self.marcher
         if self.events.stops is not None:
-            found = self.at_a_bound(marcher, Sample(time, *marcher.state_after(time - marcher.time)))
+            found = self.at_a_bound(Sample(time, *marcher.state_after(time - marcher.time)))
         return found or self.events.ahead(marcher.current, time)
 
-    def at_a_bound(self, marcher: March, sample: Sample) -> Found | None:
+    def at_a_bound(self, sample: Sample) -> Found | None:
         """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
-        return self.events.before_sample(marcher.current, sample)
+        return self.events.before_sample(self.marcher.current, sample)
+
+    def called_back(self, sample: Sample) -> bool:
+        """Return whether the callback ends the run at a sample, and note it."""
+        if self.callback is None:
+            return False
+        time, now = u.Quantity(sample.time, self.system.units.time), self.system_at(*sample)
+        if not asks_to_stop(self.callback, time, now):
+            return False
+        self.note(sample.time, sample[1:], "the callback ended the run", None)
+        return True
 
     def note(
-        self,
-        system: System,
-        marcher: March,
-        now: float,
-        state: tuple[Array, Array],
-        reason: str,
-        condition: Condition | Sought | None,
+        self, now: float, state: tuple[Array, Array], reason: str, condition: Condition | Sought | None
     ) -> None:
         """Record the reason, the time and the state: q and v, (bodies, 3)."""
-        at = moved_on(system, marcher, now, *state)
-        t = u.Quantity(now, system.units.time)
-        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, at)
+        t = u.Quantity(now, self.system.units.time)
+        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, self.system_at(now, *state))
+
+    def system_at(self, time: float, q: Array, v: Array) -> System:
+        """Return the system at a time, with q and v, (n, 3), and the bodies that are there."""
+        changes = self.marcher.changes()
+        if changes is not None:
+            return at_time(self.system, changes, q, v, time)
+        return moved(self.system, q, v, time, absent(q, v, self.system.massive))
 
 
 class ParticlesOfRun:
     """The events of massless bodies along the loop of a run."""
 
-    def __init__(
-        self, system: System, integrator: Integrator, marcher: March, grid: TimeGrid, watch: RunEnds
-    ) -> None:
-        begun = watch.before or Sample(0.0, system.values.q, system.values.v)
-        self._system, self._watch, self._marcher = system, watch, marcher.current
-        self._followed = ParticleSearches(system, integrator, grid.clock, watch.events, begun)
-        self._clock, self._kept = grid.clock, self._now()
+    def __init__(self, run: Run) -> None:
+        values, clock = run.system.values, run.grid.clock
+        begun = run.watch.before or Sample(0.0, values.q, values.v)
+        self._watch, self._marcher = run.watch, run.marcher.current
+        self._followed = ParticleSearches(run.system, run.integrator, clock, run.watch.events, begun)
+        self._clock, self._kept = clock, self._now()
 
     def __bool__(self) -> bool:
         """Whether there are any."""
@@ -175,14 +186,14 @@ class ParticlesOfRun:
     def _ends_by(self, time: float, end: Sample | None) -> bool:
         if (time - self._followed.last.time) * self._clock.direction <= 0.0:
             return False
-        system, watch, marcher = self._system, self._watch, self._marcher
+        watch, marcher = self._watch, self._marcher
         lost = {one.body: float(self._clock.time(one.reading)) for one in marcher.retired()}
         first = self._followed.seek(time, lost, end)
         if first is None:
             return False
         search, found = first
         state = self._followed.state_at(found.time)
-        watch.end_at(system, marcher, search.asked.happening(found, state), found.time, state)
+        watch.end_at(search.asked.happening(found, state), found.time, state)
         if self._kept is not None:
             # The march has gone beyond: an archive goes on from the last sample, and finds again what comes after.
             checkpoint, firm = self._kept
@@ -200,11 +211,3 @@ class ParticlesOfRun:
             return None
         self._watch.events.flush()
         return self._marcher.checkpoint(), self._watch.events.log.firm
-
-
-def moved_on(system: System, marcher: March, t: float, q: Array, v: Array) -> System:
-    """Return the system at a time, with q and v, (n, 3), and the bodies that are there."""
-    changes = marcher.changes()
-    if changes is not None:
-        return at_time(system, changes, q, v, t)
-    return moved(system, q, v, t, absent(q, v, system.massive))

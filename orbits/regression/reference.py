@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import few
+from orbits.elements.two_body import two_body
 from orbits.errors import ConvergenceError, with_unit
 from orbits.point_masses import PointMasses
 from orbits.regression.stages import QUIET, Arrays, Stages
@@ -160,7 +161,7 @@ def _kepler(mu: Any, q: list[Any], v: list[Any], times: list[Any]) -> list[list[
     """Relative positions at `times` of a Kepler orbit, as mpmath vectors.
 
     Solves t = r0 X + eta G2(X) + zeta G3(X) for X, with G_n the universal functions of beta = 2 mu/r0 - v^2; then
-    q(t) = (1 - mu G2/r0) q + (t - mu G3) v. The right side grows with X (its derivative is r > 0), which brackets X.
+    q(t) = (1 - mu G2/r0) q + (t - mu G3) v. The right side grows with X (its derivative is r > 0): there is one X.
     """
     from mpmath import floor, mpf, pi, sqrt
 
@@ -170,7 +171,8 @@ def _kepler(mu: Any, q: list[Any], v: list[Any], times: list[Any]) -> list[list[
     zeta = mu - beta * r0
     period = 2 * pi * mu / (beta * sqrt(beta)) if beta > 0 else None
     reduced = [t - period * floor(t / period) if period is not None else t for t in times]
-    starts = _starting_values(float(beta), float(r0), float(eta), float(zeta), np.array([float(t) for t in reduced]))
+    floats = (np.array(x, dtype=np.float64) for x in (q, v, reduced))
+    starts = _starting_values(float(mu), float(beta), *floats)
     out = []
     for t, start in zip(reduced, starts.tolist(), strict=True):
         x = mpf(start)
@@ -201,49 +203,10 @@ def _universal(beta: Any, x: Any) -> tuple[Any, Any, Any]:
     return g1, (1 - c) / beta, (x - g1) / beta
 
 
-def _starting_values(beta: float, r0: float, eta: float, zeta: float, t: Array) -> Array:
-    """X in float64 for every time at once: Newton's method kept inside a bracket by bisection."""
-    if beta > 0:
-        low, high = np.zeros_like(t), np.full_like(t, 2 * np.pi / np.sqrt(beta) * (1 + 1e-12))
-    else:
-        low = -_reach(beta, r0, eta, zeta, np.maximum(-t, 0), -1)
-        high = _reach(beta, r0, eta, zeta, np.maximum(t, 0), 1)
-    x = 0.5 * (low + high)
-    for _ in range(120):
-        value, slope = _kepler_equation(beta, r0, eta, zeta, x)
-        low, high = np.where(value < t, x, low), np.where(value < t, high, x)
-        newton = x + (t - value) / slope
-        inside = (newton > low) & (newton < high)
-        new = np.where(inside, newton, 0.5 * (low + high))
-        if np.all(np.abs(new - x) <= 4e-16 * np.abs(x)):
-            return new
-        x = new
-    return x
-
-
-def _reach(beta: float, r0: float, eta: float, zeta: float, t: Array, sign: int) -> Array:
-    """|X| at or beyond the solution for sign * t, t >= 0, by doubling from where no exponential can overflow."""
-    bound = np.minimum(t / r0, 1 / np.sqrt(-beta)) if beta else t / r0
-    while True:
-        value, _ = _kepler_equation(beta, r0, eta, zeta, sign * bound)
-        short = sign * value < t
-        if not np.any(short):
-            return bound
-        bound = np.where(short, 2 * bound, bound)
-
-
-def _kepler_equation(beta: float, r0: float, eta: float, zeta: float, x: Array) -> tuple[Array, Array]:
-    """t(X) and its derivative r(X) in float64."""
-    theta2 = beta * x * x
-    root = np.sqrt(np.abs(beta)) if beta else 1.0
-    with np.errstate(over="ignore", invalid="ignore"):
-        s, c = (np.sin(root * x), np.cos(root * x)) if beta > 0 else (np.sinh(root * x), np.cosh(root * x))
-        small = np.abs(theta2) < 1e-3
-        divisor = beta if beta else 1.0
-        g3 = np.where(small, x**3 / 6 * (1 - theta2 / 20 * (1 - theta2 / 42)), (x - s / root) / divisor)
-        g2 = np.where(small, x**2 / 2 * (1 - theta2 / 12 * (1 - theta2 / 30)), (1 - c) / divisor)
-        g1 = x - beta * g3
-        return r0 * x + eta * g2 + zeta * g3, r0 + eta * g1 + zeta * g2
+def _starting_values(mu: float, beta: float, q: Array, v: Array, t: Array) -> Array:
+    """X in float64: d(q.v)/dt = mu/r - beta, so that q.v grows by mu X - beta t."""
+    there, moving = two_body(q, v, mu, t)
+    return np.asarray(((there * moving).sum(axis=1) - (q * v).sum() + beta * t) / mu)
 
 
 def series(start: PointMasses, times: Array, stages: Stages = QUIET) -> ReferenceSolution:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from orbits.body_names import chosen, index_of
 from orbits.checks import is_one_of, place_in, positive_number, single_number
 from orbits.errors import InputError, shown
-from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Tabled, headed
 from orbits.results.approach import LUNAR_DISTANCE, Approach, said, unit_of_errors
 from orbits.system.presenting import attributes
 from orbits.units import date_text, written
@@ -37,7 +37,7 @@ TURNING = 1e-9
 """The cosine of the angle between distance and velocity below which a position at the start is a minimum."""
 
 
-class Approaches:
+class Approaches(Tabled):
     """The closest approaches of a run: all flybys within the reach of a body, and the closest approach of each body.
 
     names : of the bodies; distance, time, speed : (bodies, 2) with units; distances are infinite if there was none
@@ -283,12 +283,12 @@ class Approaches:
         self._asked = min(2 * self._asked, AT_ONCE)
 
     def __str__(self) -> str:
-        return text_table(repr(self), *self._shown(), words=self._words)
-
-    def _repr_html_(self) -> str:
-        return html_table(repr(self), *self._shown(), words=self._words)
+        return super().__repr__()
 
     def __repr__(self) -> str:
+        return self._caption()
+
+    def _caption(self) -> str:
         bodies = f"Approaches({len(self.names)} bod{'y' if len(self.names) == 1 else 'ies'}"
         more = f", {self.left_out:,} more not listed" if self.left_out > 0 else ""
         more = ", the closest of each body alone" if self.left_out < 0 else more
@@ -298,7 +298,7 @@ class Approaches:
         return f"{bodies}, {len(self):,} passage{'s' * (len(self) > 1)}{more}, closest {next(iter(self))})"
 
     @property
-    def _words(self) -> int:
+    def _text_columns(self) -> int:
         return 2 + (self._system.epoch is not None)
 
     def _shown(self) -> tuple[list[str], list[list[str]], int]:

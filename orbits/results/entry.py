@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import erfa
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from orbits.ephemeris import AU_KM
 from orbits.errors import InputError
-from orbits.export import html_table, text_table
+from orbits.export import Valued
 from orbits.observing.earth import turning
 from orbits.observing.stations import WGS84
 
@@ -41,7 +41,7 @@ def _without_erfa() -> Iterator[None]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Entry:
+class Entry(Valued):
     """Where and when a body comes down to an altitude above the Earth, without an atmosphere.
 
     body : its name; date : a Time, UTC; altitude : km, above the ellipsoid WGS84
@@ -118,17 +118,11 @@ class Entry:
             when = f"{self.date.iso[:23]} UTC"
         return f"{self.body} comes down to {self.altitude.value:g} km on {when}, without an atmosphere"
 
-    def _rows(self) -> list[list[str]]:
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
         fields = ("longitude", "latitude", "speed", "slope", "azimuth")
         rows = [[name, str(getattr(self, name).unit), f"{getattr(self, name).value:.4f}"] for name in fields]
         if self.matrix is not None:
             large, small, azimuth = self.ellipse()
             text = f"{large.value:.3g} x {small.value:.3g} to azimuth {azimuth.value:.1f} deg"
             rows += [["ellipse, 3 sigma", "km", text], ["sigma of the time", "s", f"{self.sigma_time.value:.3g}"]]
-        return rows
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), ["", "unit", "value"], self._rows(), words=2)
-
-    def _repr_html_(self) -> Any:
-        return html_table(self._caption(), ["", "unit", "value"], self._rows(), words=2)
+        return ["", "unit", "value"], rows, 0

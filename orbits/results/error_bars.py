@@ -13,7 +13,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen, index_of
-from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Tabled, headed
 from orbits.results.approach import said, unit_of_errors
 from orbits.system.presenting import attributes, span
 
@@ -84,7 +84,7 @@ class BodyErrorBars:
         return f"BodyErrorBars({self.name}, {len(self.t)} samples, {span(self.t)}{end}{lost})"
 
 
-class ErrorBars:
+class ErrorBars(Tabled):
     """The error bars of a run, in the order of its samples and bodies.
 
     system : at the start; times (n,), q and v (n, bodies, 3) : the samples of the run, as floats
@@ -295,12 +295,6 @@ class ErrorBars:
         if not (np.isfinite(steps) and np.isfinite(rounding)):
             return "unknown"
         return "steps" if steps > LARGER * rounding else "round-off"
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), *self._shown())
-
-    def _repr_html_(self) -> str:
-        return html_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
         bodies = f"{len(self.names):,} bod{'y' if len(self.names) == 1 else 'ies'}"

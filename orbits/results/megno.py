@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.errors import InputError
-from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Tabled, headed
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -57,7 +57,7 @@ class TangentGrowth:
         return f"TangentGrowth({self.name}, {len(self.t)} samples{last})"
 
 
-class Megno:
+class Megno(Tabled):
     """MEGNO and Lyapunov exponents along a run.
 
     massive : the `TangentGrowth` of all massive bodies together; None for bodies that are read from an ephemeris, whose
@@ -117,12 +117,6 @@ class Megno:
             "lyapunov": u.Quantity([row.lyapunov[-1] for row in rows]),
         }
         return QTable(columns, meta={"made_by": self.made_by})
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), *self._shown())
-
-    def _repr_html_(self) -> str:
-        return html_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
         meaning = "near 2: regular, without a Lyapunov time; growing with time: chaotic"

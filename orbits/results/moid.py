@@ -33,11 +33,10 @@ def moid(orbit: OrbitalElements, other: OrbitalElements) -> u.Quantity:
             f"these orbits are about {orbit.primary} in the frame {orbit.frame!r} and about {other.primary} in "
             f"{other.frame!r}; expected elements about the same primary in the same frame."
         )
-    unit, radian = orbit.q.unit, u.rad
-    shape = np.broadcast_shapes(orbit.q.shape, other.q.shape)
-
-    def conics(x: OrbitalElements) -> Conics:
-        values: list[Any] = [x.q.to_value(unit), x.e.value, *(y.to_value(radian) for y in (x.inc, x.Omega, x.omega))]
-        return Conics.of(*(np.broadcast_to(each, shape).ravel() for each in values))
-
-    return u.Quantity(least_distances(conics(orbit), conics(other))[0].reshape(shape), unit)
+    elements: list[Any] = []
+    for x in (orbit, other):
+        elements += [x.q.to_value(orbit.q.unit), x.e.value, *(y.to_value(u.rad) for y in (x.inc, x.Omega, x.omega))]
+    values = np.array(np.broadcast_arrays(*elements))
+    both = Conics.of(*values.reshape(2, 5, -1).swapaxes(0, 1))
+    distance = least_distances(both.some(0), both.some(1))[0]
+    return u.Quantity(distance.reshape(values.shape[1:]), orbit.q.unit)

@@ -10,7 +10,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import counted
-from orbits.export import text_table
+from orbits.export import Valued
 from orbits.observing.measured import RadialVelocities, TransitTimes
 from orbits.results.covariance import Covariance
 from orbits.system import System
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class PlanetFit:
+class PlanetFit(Valued):
     """A planetary system that was fitted to times of transits and radial velocities.
 
     system : at its epoch; a run from it is the fitted motion. Its terms and radii are those of the start: a star alone
@@ -117,17 +117,10 @@ class PlanetFit:
 
         return of_fit(self)
 
-    def __repr__(self) -> str:
-        return text_table(self._caption(), ["", "unit", "value", "sigma"], self._rows(), words=2)
-
-    def _repr_html_(self) -> str:
-        from orbits.export import html_table
-
-        return html_table(self._caption(), ["", "unit", "value", "sigma"], self._rows(), words=2)
-
-    def _rows(self) -> list[list[str]]:
-        rows = self.parameters.rows()
-        return [[name, f"{unit} after the epoch" if name.endswith(".t0") else unit, *x] for name, unit, *x in rows]
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
+        known = self.parameters.rows()
+        rows = [[name, f"{unit} after the epoch" if name.endswith(".t0") else unit, *x] for name, unit, *x in known]
+        return ["", "unit", "value", "sigma"], rows, 0
 
     def _caption(self) -> str:
         known = [] if self.transits is None else [counted(len(self.transits), "transit")]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few, index_of
 from orbits.diagnostics.tangent import symplecticity_defect
 from orbits.errors import InputError, shown
-from orbits.export import headed, html_table, text_table
+from orbits.export import Tabled, headed
 from orbits.time_grid import dynamical_time
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ MOST_SHOWN = 10
 """The most bodies in the table of a matrix."""
 
 
-class StateTransition:
+class StateTransition(Tabled):
     """State-transition matrices of a run: derivatives of the states at its samples by those at the start.
 
     system : at the start; t : the time of the matrices since the epoch, a quantity, () or (n,)
@@ -112,12 +112,6 @@ class StateTransition:
             for end, M in zip(ends, self.matrix.reshape(-1, n, n), strict=True)
         ]
         return np.array(found).reshape(self._times.shape)[()]
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), *self._shown())
-
-    def _repr_html_(self) -> str:
-        return html_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
         count = f"{self.matrix.shape[-1]} x {self.matrix.shape[-1]}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from astropy import units as u
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import positive_number
 from orbits.errors import InputError
-from orbits.export import html_table, text_table
+from orbits.export import Valued
 from orbits.results.chance import probability_in_disc
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TargetPlane:
+class TargetPlane(Valued):
     """Where a body passes a planet: on the plane through the planet perpendicular to the incoming asymptote.
 
     body, planet : names; date : of the closest approach, or of reaching the surface if it hits, TDB
@@ -110,7 +110,7 @@ class TargetPlane:
         how = "reaches the surface" if self.distance < self.radius else "is closest"
         return f"{kind} of {self.planet}: {self.body} {how} on {self.date.iso[:19]} TDB"
 
-    def _rows(self) -> list[list[str]]:
+    def _shown(self) -> tuple[list[str], list[list[str]], int]:
         values = {"xi": self.xi, "zeta": self.zeta, "b": self.b, "distance": self.distance, "time": None}
         known = {} if self.matrix is None else self.sigma
         rows = [
@@ -126,10 +126,4 @@ class TargetPlane:
             size = f"{large.value:.4g} x {small.value:.3g} at {angle.value:.2f} deg"
             rows.append(["ellipse, 3 sigma", "km", size, ""])
             rows.append(["impact probability", "", f"{self.impact_probability:.4g}", ""])
-        return rows
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), ["", "unit", "value", "sigma"], self._rows(), words=2)
-
-    def _repr_html_(self) -> Any:
-        return html_table(self._caption(), ["", "unit", "value", "sigma"], self._rows(), words=2)
+        return ["", "unit", "value", "sigma"], rows, 0

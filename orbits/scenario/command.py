@@ -14,18 +14,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from orbits.errors import InputError, Interrupted, OrbitsError, OutOfTime
-from orbits.option_values import option_text
-from orbits.scenario.definition import MIND, Outcome, Scenario
+from orbits.scenario.definition import Outcome, Scenario
 from orbits.scenario.options import read_options
-from orbits.scenario.study import Study, StudyOutcome, Table, cell
+from orbits.scenario.printed import escaped, saying, show, show_certificates, show_options, stderr
+from orbits.scenario.study import Study, StudyOutcome
 from orbits.scenario.typed import number_or_text, quantity, step_or_clock, this_command
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from orbits.propagation.control.heartbeat import Heartbeat
     from orbits.propagation.control.wall_clock import Deadline
-    from orbits.scenario.certificates import CertifyOutcome
 
 Dt = Annotated[
     str | None,
@@ -94,21 +91,6 @@ Beat = Annotated[
 ]
 
 
-def stderr() -> Console:
-    """Return the console for messages to people, while standard output is for results."""
-    from rich.console import Console
-
-    return Console(stderr=True, highlight=False)
-
-
-def stdout() -> Console:
-    """Return the console for results: as wide as the terminal, or 100 columns otherwise."""
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=100)
-
-
 @contextmanager
 def guarded() -> Iterator[None]:
     """End the process with errors on one line, and exit code 2 for wrong use, 1 for a failure."""
@@ -116,10 +98,10 @@ def guarded() -> Iterator[None]:
         yield
         sys.stdout.flush()
     except OutOfTime as error:
-        stderr().print(f"[bold yellow]stopped:[/] {_escaped(str(error))}", soft_wrap=True)
+        stderr().print(f"[bold yellow]stopped:[/] {escaped(str(error))}", soft_wrap=True)
         raise SystemExit(error.exit_code) from None
     except (OrbitsError, Interrupted) as error:
-        stderr().print(f"[bold red]error:[/] {_escaped(' '.join(str(error).split()))}", soft_wrap=True)
+        stderr().print(f"[bold red]error:[/] {escaped(' '.join(str(error).split()))}", soft_wrap=True)
         raise SystemExit(error.exit_code) from None
     except KeyboardInterrupt:
         stderr().print("[bold red]error:[/] stopped by Ctrl-C.")
@@ -132,13 +114,13 @@ def guarded() -> Iterator[None]:
         stderr().print("[bold red]error:[/] not enough memory; take fewer samples or particles.")
         raise SystemExit(1) from None
     except OSError as error:
-        stderr().print(f"[bold red]error:[/] {_escaped(str(error))}", soft_wrap=True)
+        stderr().print(f"[bold red]error:[/] {escaped(str(error))}", soft_wrap=True)
         raise SystemExit(1) from None
     except (typer.Exit, typer.Abort):
         raise
     except Exception as error:
         what = f"{type(error).__name__}: {' '.join(str(error).split())}; this is a bug in orbits: please report it"
-        stderr().print(f"[bold red]error:[/] {_escaped(what)}", soft_wrap=True)
+        stderr().print(f"[bold red]error:[/] {escaped(what)}", soft_wrap=True)
         raise SystemExit(1) from None
 
 
@@ -227,21 +209,25 @@ def changed(
 def execute(
     scenario: Scenario | Study,
     *,
-    out: Path | None,
+    list_options: bool,
     as_json: bool,
+    out: Path | None,
     no_plot: bool,
-    wall_time: str | None = None,
-    heartbeat: str | None = None,
-) -> int:
-    """Perform a scenario, print its outcome, and return the exit code."""
+    wall_time: str | None,
+    heartbeat: str | None,
+) -> None:
+    """Perform a scenario, print its outcome, and end with the exit code; or list its options."""
     from orbits.scenario.performing import perform, to_json
 
+    if list_options:
+        show_options(scenario, as_json=as_json)
+        return
     console = stderr()
-    console.print(f"[bold]{_escaped(scenario.title if isinstance(scenario, Study) else scenario.headline())}[/]")
+    console.print(f"[bold]{escaped(scenario.title if isinstance(scenario, Study) else scenario.headline())}[/]")
     outcome: Outcome | StudyOutcome
     if isinstance(scenario, Study):
         _refuse_pacing(scenario, wall_time, heartbeat)
-        outcome = perform(scenario, out=out, plot=not no_plot, say=_saying(console))
+        outcome = perform(scenario, out=out, plot=not no_plot, say=saying(console))
     else:
         pacing = paced(wall_time, heartbeat)
         try:
@@ -249,7 +235,7 @@ def execute(
                 scenario,
                 out=out,
                 plot=not no_plot,
-                say=_saying(console),
+                say=saying(console),
                 heartbeat=pacing.heartbeat,
                 wall_time=pacing.deadline,
             )
@@ -259,7 +245,7 @@ def execute(
         print(to_json(outcome))
     else:
         show(outcome)
-    return 0 if outcome.ok else 1
+    raise typer.Exit(0 if outcome.ok else 1)
 
 
 def _refuse_pacing(study: Study, wall_time: str | None, heartbeat: str | None) -> None:
@@ -278,106 +264,19 @@ def certify(
     from orbits.scenario.certificates import certify_scenario, to_record
 
     console = stderr()
-    console.print(f"[bold]{_escaped(scenario.title if isinstance(scenario, Study) else scenario.headline())}[/]")
+    console.print(f"[bold]{escaped(scenario.title if isinstance(scenario, Study) else scenario.headline())}[/]")
     outcome = certify_scenario(
         scenario,
         dt=None if dt is None else step_or_clock(dt, "--dt"),
         integrator=None if integrator is None else integrators.parse(integrator),
         out=out,
-        say=_saying(console),
+        say=saying(console),
     )
     if as_json:
         print(json.dumps(to_record(outcome), indent=1))
     else:
         show_certificates(outcome)
     return 0 if outcome.ok else 1
-
-
-def show_certificates(outcome: CertifyOutcome) -> None:
-    """Print the tables and the verdict on standard output."""
-    console = stdout()
-    for each in outcome.certified:
-        if each.case:
-            console.print(f"[bold]{_escaped(each.case)}[/]")
-        console.print(_escaped(each.certificate.table()), soft_wrap=True)
-        if each.control:
-            console.print("  a control, shown for comparison: it does not claim to be variational, and is not judged")
-        console.print()
-    console.print(f"wrote {_escaped(str(outcome.file))}", soft_wrap=True)
-    judged = [each for each in outcome.certified if not each.control]
-    if outcome.ok:
-        controls = len(outcome.certified) - len(judged)
-        shown = f", {controls} control{'s' * (controls > 1)} not judged" if controls else ""
-        console.print(f"[bold green]ok:[/] {len(judged)} certified{shown}")
-    for each in judged:
-        if not each.ok:
-            where = f"{each.case}: " if each.case else ""
-            console.print(f"[bold red]FAILED:[/] {_escaped(where + each.certificate.method)} is not certified")
-
-
-def show(outcome: Outcome | StudyOutcome) -> None:
-    """Print tables, checks, files and the verdict on standard output."""
-    from rich.padding import Padding
-
-    console = stdout()
-    if isinstance(outcome, StudyOutcome):
-        for table in outcome.result.tables:
-            console.print(_table(table))
-            console.print()
-    else:
-        for name, case in outcome.cases.items():
-            if case.report is not None:
-                console.print(case.report)
-            else:
-                for label, run in case.runs.items():
-                    console.print(f"{_escaped(name)} {_escaped(label)}".strip())
-                    console.print(str(run.drift()))
-    for check in outcome.checks:
-        mark = "[green]holds[/]" if check.ok else "[bold red]FAILS[/]"
-        console.print(f"{mark}  {_escaped(check.claim)}" + (f": {_escaped(check.measured)}" if check.measured else ""))
-    console.print()
-    for folder, names in _by_folder(outcome.files).items():
-        console.print(f"wrote to {_escaped(folder)}:", soft_wrap=True)
-        console.print(Padding(_escaped(", ".join(names)), (0, 0, 0, 2)))
-    if outcome.ok:
-        console.print("[bold green]ok:[/] all requirements of this scenario hold")
-    for failure in outcome.failures:
-        console.print(f"[bold red]FAILED:[/] {_escaped(failure)}")
-
-
-def _by_folder(files: Sequence[Path]) -> dict[str, list[str]]:
-    """Return the names of files by their folders."""
-    found: dict[str, list[str]] = {}
-    for path in files:
-        found.setdefault(str(path.parent), []).append(path.name)
-    return found
-
-
-def show_options(scenario: Scenario | Study, *, as_json: bool = False) -> None:
-    """Print the options of a scenario's own on standard output."""
-    options = () if isinstance(scenario, Study) else scenario.options
-    if as_json:
-        print(json.dumps([option.record() for option in options], indent=1))
-        return
-    if not options:
-        print(f"{scenario.name} has no options of its own.")
-        return
-    rows = [[f"{each.name}={each.typed}", option_text(each.default), each.help] for each in options]
-    stdout().print(_table(Table(f"Options of {scenario.name}, for --set", ["option", "default", "what it is"], rows)))
-
-
-def _table(table: Table) -> Any:
-    from rich.table import Table as RichTable
-
-    made = RichTable(
-        title=_escaped(table.title), title_justify="left", title_style="bold", box=None, header_style="bold"
-    )
-    for k, head in enumerate(table.columns):
-        numbers = not all(isinstance(row[k], str | None) for row in table.rows)
-        made.add_column(_escaped(head), justify="right" if numbers else "left")
-    for row in table.rows:
-        made.add_row(*(_escaped(cell(value)) for value in row))
-    return made
 
 
 def main(scenario: Scenario | Study) -> None:
@@ -398,36 +297,12 @@ def main(scenario: Scenario | Study) -> None:
         list_options: ListOptions = False,
     ) -> None:
         with guarded():
+            how: dict[str, Any] = {"out": out, "no_plot": no_plot, "wall_time": wall_time, "heartbeat": heartbeat}
             chosen = changed(scenario, dt, duration, integrator, samples, own, approaches)
-            if list_options:
-                show_options(chosen, as_json=as_json)
-                return
-            code = execute(
-                chosen,
-                out=out,
-                as_json=as_json,
-                no_plot=no_plot,
-                wall_time=wall_time,
-                heartbeat=heartbeat,
-            )
-            raise typer.Exit(code)
+            execute(chosen, list_options=list_options, as_json=as_json, **how)
 
     options = "" if isinstance(scenario, Study) else "--duration '10 yr' "
     run.__doc__ = f"{scenario.title}\n\nExample: python {Path(sys.argv[0]).name} {options}--no-plot"
     app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     app.command()(run)
     app()
-
-
-def _saying(console: Console) -> Any:
-    def say(text: str) -> None:
-        under_way = "" if text.startswith(MIND) else " ..."
-        console.print(f"[dim]{_escaped(text)}{under_way}[/]")
-
-    return say
-
-
-def _escaped(text: Any) -> str:
-    from rich.markup import escape
-
-    return escape(str(text))

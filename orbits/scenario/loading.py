@@ -34,9 +34,7 @@ class Listed:
 
 def bundled() -> tuple[Listed, ...]:
     """Return the bundled scenarios in alphabetical order, read from their files without running them."""
-    return tuple(
-        _listed(path) for path in sorted(resources.scenarios_dir().glob("*.py")) if not path.stem.startswith("_")
-    )
+    return tuple(_listed(path) for path in _files().values())
 
 
 def load(what: str) -> Scenario | Study:
@@ -51,7 +49,7 @@ def load(what: str) -> Scenario | Study:
         return load_file(_bundled_path(what))
     if not path.is_file():
         found = "is a folder" if path.is_dir() else "is no regular file" if path.exists() else "does not exist"
-        names = ", ".join(each.name for each in bundled())
+        names = ", ".join(_files())
         raise InputError(f"the scenario file {what!r} {found}; expected a Python file, or one of: {names}.")
     return load_file(path)
 
@@ -121,8 +119,14 @@ def _one_line(error: BaseException) -> str:
         return "(no message)"
 
 
+def _files() -> dict[str, Path]:
+    """Return the files of the bundled scenarios by name, in alphabetical order; none of them is read."""
+    found = sorted(resources.scenarios_dir().glob("*.py"))
+    return {path.stem: path for path in found if not path.stem.startswith("_")}
+
+
 def _bundled_path(name: str) -> Path:
-    known = {each.name: each.path for each in bundled()}
+    known = _files()
     if name.lower() in known:
         return known[name.lower()]
     near = get_close_matches(name.lower(), known, n=2, cutoff=0.5)

@@ -16,7 +16,7 @@ from orbits.body_names import chosen, few, index_of, with_article
 from orbits.elements import FRAMES, elements_from_state, to_frame
 from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
-from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Labelled, Tabled, Tabular, Variable, headed
 from orbits.system import new_bodies, presenting
 from orbits.units import UnitSystem
 
@@ -27,7 +27,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OrbitalElements(Tabular):
+class OrbitalElements(Tabled, Tabular):
     """Osculating elements of k bodies: quantities of shape (k,) for one state, (samples, k) for a run.
 
     names : the bodies, in the order of the last axis, without the primary
@@ -110,12 +110,6 @@ class OrbitalElements(Tabular):
             variables[key] = Variable(values, x.unit, ("time", "body") if run else ("body",))
         known = {"primary": self.primary, "frame": self.frame}
         return Labelled(names, self.t if run else None, variables, known, self.epoch)
-
-    def _repr_html_(self) -> str:
-        return html_table(self._caption(), *self._shown())
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
         what = f"elements of {few(self.names)} about {with_article(self.primary)}, {FRAMES[self.frame]}"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from orbits.body_names import index_of
 from orbits.checks import place_in
 from orbits.errors import ArchiveError
-from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Tabled, headed
 from orbits.export.labelled import imported
 from orbits.system.presenting import attributes
 from orbits.units import date_text, written
@@ -80,7 +80,7 @@ class FoundEvent:
         return ", ".join([f"{when}: {self.kind}" + f" of {bodies}" * bool(bodies), *figures])
 
 
-class Events(Sequence[FoundEvent]):
+class Events(Tabled, Sequence[FoundEvent]):
     """The events of a run in the order in which it met them: `run.events`.
 
     By index one `FoundEvent`, by slice or by the name of a body several `Events`. `to_table` and `to_pandas` have one
@@ -255,12 +255,6 @@ class Events(Sequence[FoundEvent]):
         frame: pandas.DataFrame = module.DataFrame(columns)
         frame.attrs = {"units": known, **table.meta}
         return frame
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), *self._shown(), words=self._text_columns)
-
-    def _repr_html_(self) -> str:
-        return html_table(self._caption(), *self._shown(), words=self._text_columns)
 
     @property
     def _text_columns(self) -> int:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import place_in
 from orbits.errors import ArchiveError
-from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Tabled, headed
 from orbits.marching.legs.excursions.chosen_steps import (
     BODY,
     COUNTS,
@@ -60,7 +60,7 @@ class Excursion:
         return " and ".join(self.bodies) or "a step that the map cannot take"
 
 
-class Excursions(Sequence[Excursion]):
+class Excursions(Tabled, Sequence[Excursion]):
     """The excursions of a run, in its order; the first 4,096 of them, if there were more.
 
     total : how many there were
@@ -142,12 +142,6 @@ class Excursions(Sequence[Excursion]):
             }
             for one in self
         ]
-
-    def __repr__(self) -> str:
-        return text_table(self._caption(), *self._shown())
-
-    def _repr_html_(self) -> str:
-        return html_table(self._caption(), *self._shown())
 
     def _caption(self) -> str:
         if not self.total:

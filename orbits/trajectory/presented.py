@@ -72,7 +72,7 @@ def labelled(run: Trajectory, bodies: Sequence[str] | None) -> Labelled:
     """Return a run with names and units of its axes, for tables and xarray; all bodies by default."""
     known: dict[str, str | float] = {"integrator": run.integrator.label}
     if isinstance(run.clock, ChangingSteps):
-        known["steps"] = run.clock.attribute(run.integrator)
+        known["steps"] = run.clock.describe(run.integrator)
     elif not math.isnan(run.step):
         known["dt"] = abs(run.step)
     over = None

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import place_in
-from orbits.export import MOST_ROWS, headed, html_table, text_table
+from orbits.export import MOST_ROWS, Tabled, headed
 from orbits.units import date_text, written
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class RetiredParticle:
         return f"{self.name}: {when}, step {self.step + 1:,}: {self.reason}"
 
 
-class RetiredParticles(Sequence[RetiredParticle]):
+class RetiredParticles(Tabled, Sequence[RetiredParticle]):
     """The retired particles of a run, in the order of its bodies, by index or name. Empty for most runs."""
 
     def __init__(self, particles: Iterable[RetiredParticle] = ()) -> None:
@@ -130,14 +130,8 @@ class RetiredParticles(Sequence[RetiredParticle]):
             for p in self
         ]
 
-    def __repr__(self) -> str:
-        return text_table(self._caption(), *self._shown(), words=self._words)
-
-    def _repr_html_(self) -> str:
-        return html_table(self._caption(), *self._shown(), words=self._words)
-
     @property
-    def _words(self) -> int:
+    def _text_columns(self) -> int:
         return 2 + (len(self) > 0 and self[0].date is not None)
 
     def _caption(self) -> str:

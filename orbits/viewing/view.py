@@ -11,6 +11,7 @@ from typing import Any
 from orbits.errors import InputError, MissingPackageError, StorageError, shown
 from orbits.finding import Finding
 from orbits.propagation import Trajectory
+from orbits.propagation.control.progress import in_notebook
 from orbits.viewing.browser import opened_in_browser
 from orbits.viewing.data import LIMIT, ViewData
 from orbits.viewing.page import asset, page, widget_module
@@ -144,13 +145,6 @@ def check_page(path: Path) -> None:
         with path.open("rb") as file:
             if MARK not in file.read(2000):
                 raise InputError(f"{path} is there already and was not written by orbits; give another path.")
-
-
-def in_notebook() -> bool:
-    """Whether this is the kernel of a notebook, where the last value of a cell is displayed."""
-    found = sys.modules.get("IPython")
-    shell = None if found is None else found.get_ipython()
-    return shell is not None and "IPKernelApp" in getattr(shell, "config", {})
 
 
 def _bytes(limit: Any) -> int:

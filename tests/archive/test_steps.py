@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from orbits.archive import Archive, ArchiveWriter, steps
 from orbits.archive.storage import Storage
 from orbits.errors import ArchiveError, StorageError
 
+from ..coverings import first
 from . import recording, runs
 
 # Samples and steps of each commit. Chunks have five steps: they are filled within a commit and across commits.
@@ -68,7 +70,17 @@ def test_steps_are_read_back_as_they_were_written_in_any_pieces(tmp_path):
     assert_kept(made(tmp_path / "run.h5"), len(COMMITS))
 
 
-def test_every_prefix_of_the_writes_has_the_steps_of_its_last_commit_and_goes_on(tmp_path, monkeypatch):
+def all_of(begun: list[int]) -> range:
+    return range(begun[0], begun[-1] + 1)
+
+
+def about_the_ends(begun: list[int]) -> list[int]:
+    """Before the last write of each commit, which is its row, and after it; and in the middle."""
+    return sorted({k for a, b in pairwise(begun) for k in (a, (a + b) // 2, b - 1)} | {begun[-1]})
+
+
+@pytest.mark.parametrize("stops", first(1, [about_the_ends, all_of]))
+def test_every_prefix_of_the_writes_has_the_steps_of_its_last_commit_and_goes_on(stops, tmp_path, monkeypatch):
     log = recording.Recording()
     write, resize = Storage._write_some, Storage.resize
 
@@ -89,17 +101,15 @@ def test_every_prefix_of_the_writes_has_the_steps_of_its_last_commit_and_goes_on
                 begun.append(len(log.writes))
                 commit(writer, number)
     begun.append(len(log.writes))
-    path, image = tmp_path / "stopped.h5", log.image(range(begun[0]))
-    for done in range(begun[0], begun[-1] + 1):
-        path.write_bytes(image)
+    path = tmp_path / "stopped.h5"
+    for done in stops(begun):
+        path.write_bytes(log.image(range(done)))
         commits = sum(done >= end for end in begun[1:])
         assert_kept(path, commits)
         with ArchiveWriter.reopen(path) as writer:
             for number in range(commits, len(COMMITS)):
                 commit(writer, number)
         assert_kept(path, len(COMMITS))
-        if done < begun[-1]:
-            image = log.image(iter([done]), image)
 
 
 @pytest.mark.parametrize("room", [1, 3, 4, 26])

@@ -88,14 +88,14 @@ def takes_long(option: str, value: str) -> bool:
 word = st.sampled_from(WORDS) | st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 
 
-@campaign(60, 1500, arguments=st.lists(word, max_size=5))
+@campaign(30, 1500, arguments=st.lists(word, max_size=5))
 def test_any_words_end_with_an_exit_code(arguments: list[str]) -> None:
     if not any(takes_long(option, value) for option, value in pairwise(arguments)):
         call(arguments)
 
 
 @campaign(
-    40,
+    20,
     1000,
     command=st.sampled_from(COMMANDS),
     file=st.sampled_from(["tiny.py", "run.h5", "no.h5", "no.py"]),
@@ -108,7 +108,7 @@ def test_any_option_ends_with_an_exit_code(command: str, file: str, option: str,
 
 
 @campaign(
-    40,
+    20,
     1000,
     command=st.sampled_from(["run", "compare"]),
     changes=st.dictionaries(
@@ -125,7 +125,7 @@ def test_any_scenario_runs_or_is_refused(command: str, changes: dict[str, str]) 
 
 
 @campaign(
-    40,
+    20,
     1000,
     text=st.sampled_from(FILES).map(str.encode) | st.text(max_size=30).map(str.encode) | st.binary(max_size=40),
     name=st.sampled_from(["a.py", "a b.py", "a.b.py", "ä.py", "-x.py", "x\n.py", "..py", "numpy.py", "orbits.py"]),

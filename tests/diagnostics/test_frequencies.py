@@ -10,7 +10,7 @@ from orbits import diagnostics
 from orbits.errors import InputError
 from orbits.resources import data_path
 
-from ..coverings import each
+from ..coverings import each, only
 
 ARCSEC = np.pi / 180 / 3600
 # Jupiter's eccentricity and perihelion in ten terms of Laskar (1990): arcseconds per year, millionths, degrees.
@@ -34,7 +34,7 @@ def jupiter(n=32768, start=0.0):
     return t, frequency, amplitude, series(t, frequency, amplitude)
 
 
-@pytest.mark.parametrize("window", [0, 1, 3])
+@pytest.mark.parametrize("window", only([1], [0, 1, 3]))
 def test_ten_terms_of_jupiter_are_found_far_within_the_bounds_of_rebounds_best_method(window):
     rows = json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]
     bounds = {row["name"]: row["asserts"] for row in rows}

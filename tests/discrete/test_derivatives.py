@@ -6,7 +6,7 @@ from orbits import discrete
 from orbits.lagrangians import registry
 from orbits.lagrangians.newtonian import n_body
 
-from ..coverings import each
+from ..coverings import cover
 from .mechanics import compare, pair, rules, systems
 
 TIME = 0.3
@@ -21,8 +21,7 @@ def test_every_maker_of_a_discrete_lagrangian_is_tested_here():
     assert {name for name, kind in returned.items() if kind in classes} == makers | from_numbers | of_one
 
 
-@each("system", systems())
-@each("rule", rules())
+@cover(("rule", "system"), rules(), systems(), strength=1)
 def test_the_derivatives_are_those_of_the_value(rule, system):
     L = systems()[system]
     # The truncation of the differences, delta^8 f^(9), which Kepler's pole makes large unless delta is small, and the
@@ -31,8 +30,7 @@ def test_the_derivatives_are_those_of_the_value(rule, system):
     compare(rules()[rule](L), *pair(L), L.h, TIME, bound, delta)
 
 
-@each("rule", ["midpoint", "vprk Gauss(2)", "vprk LobattoIIIAB(3)"])
-@each("name", sorted(registry()))
+@cover(("name", "rule"), sorted(registry()), ["midpoint", "vprk Gauss(2)", "vprk LobattoIIIAB(3)"], strength=1)
 def test_the_derivatives_for_every_lagrangian_of_the_library(name, rule):
     L = registry()[name]
     m = L.example

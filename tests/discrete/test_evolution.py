@@ -8,12 +8,11 @@ from orbits.errors import ConvergenceError, InputError
 from orbits.lagrangians.newtonian import n_body
 from orbits.tableaux.gauss import gauss
 
-from ..coverings import each
+from ..coverings import cover
 from .mechanics import Bratu, Central, Degenerate, Driven, Magnetic, Oscillator, Pendulum, rules, systems
 
 
-@each("system", systems())
-@each("rule", [name for name in rules() if name != "exact_by_collocation"])
+@cover(("rule", "system"), [name for name in rules() if name != "exact_by_collocation"], systems(), strength=1)
 def test_pairs_and_positions_with_momenta_march_alike(rule, system):
     L = systems()[system]
     L_d, h, t = rules()[rule](L), L.h, 0.3
@@ -54,9 +53,12 @@ def test_bodies_in_space_march_in_their_own_shape():
     assert np.abs(found - path).max() < 2e-15
 
 
-@pytest.mark.parametrize("rule", ["symplectic_euler_a", "trapezoidal", "midpoint", "vprk Gauss(2)"])
-@pytest.mark.parametrize("L", [Pendulum(), Driven(), Magnetic(), Oscillator()], ids=lambda L: L.name)
-def test_the_boundary_value_problem_gives_back_a_marched_path(rule, L):
+BOUNDED = {L.name: L for L in (Pendulum(), Driven(), Magnetic(), Oscillator())}
+
+
+@cover(("rule", "name"), ["symplectic_euler_a", "trapezoidal", "midpoint", "vprk Gauss(2)"], BOUNDED, strength=1)
+def test_the_boundary_value_problem_gives_back_a_marched_path(rule, name):
+    L = BOUNDED[name]
     L_d, h, t = rules()[rule](L), L.h / 2, 0.3
     path = discrete.march_pairs(L_d, *discrete.start(L_d, L.q, L.v, h, t), h, 8, t)
     found = discrete.boundary_value(L_d, path[0], path[-1], h, len(path) - 1, guess=path + 0.05, t0=t)

@@ -11,7 +11,7 @@ from orbits.lagrangians import registry
 from orbits.tableaux.gauss import gauss
 from orbits.tableaux.lobatto import lobatto_iiia_iiib
 
-from ..coverings import every
+from ..coverings import cover, every, first
 from .mechanics import Central, Driven, Magnetic, Oscillator, Pendulum, difference
 from .swept import motion, swept
 
@@ -33,10 +33,11 @@ def transfers(count, kind, seed=1):
             yield gm, q, v, rng.uniform(0.05, 2) * np.sqrt((q @ q) ** 1.5 / gm) * rng.choice([-1, 1])
 
 
+@pytest.mark.parametrize("count", first(1, [60, 300]))
 @pytest.mark.parametrize("kind", ["ellipse", "hyperbola", "parabola"])
-def test_f_plus_and_f_minus_of_the_exact_kepler_lagrangian_give_the_true_velocities(kind):
+def test_f_plus_and_f_minus_of_the_exact_kepler_lagrangian_give_the_true_velocities(kind, count):
     worst, ways, judged = 0.0, set(), 0
-    for gm, q, v, h in transfers(300, kind):
+    for gm, q, v, h in transfers(count, kind):
         q1, v1, action = motion(q, v, gm, h)
         angle = swept(q, v, q1, h)
         if min(angle, abs(angle - 180), 360 - angle) < 5:
@@ -47,7 +48,7 @@ def test_f_plus_and_f_minus_of_the_exact_kepler_lagrangian_give_the_true_velocit
         worst = max(worst, np.abs(-d1 - v).max() / speed, np.abs(d2 - v1).max() / speed, abs(value / action - 1))
         ways.add(way)
         judged += 1
-    assert judged > 200
+    assert judged > count * 2 / 3
     assert ways == {"short", "long"}
     # 4.5e-15 was reached here, 6.3e-15 in 4,500 transfers; the issue asks for 1e-12.
     assert worst < 2e-14
@@ -88,8 +89,7 @@ def test_a_fall_along_a_straight_line_is_served():
     assert max(np.abs(-d1 - v).max(), np.abs(d2 - v1).max(), abs(value - action)) < 3e-15  # 4.4e-16 was reached
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
-@pytest.mark.parametrize("e", [0.0, 0.5])
+@cover(("e", "dimension"), [0.0, 0.5], [2, 3], strength=1)
 def test_a_hundred_steps_of_its_equations_stay_on_the_true_orbit(e, dimension):
     q = np.array([1 - e, 0.0, 0.0])[:dimension]
     v = np.array([0.0, 0.8, 0.6])[:dimension] * np.sqrt((1 + e) / (1 - e)) / (1.0 if dimension == 3 else 0.8)

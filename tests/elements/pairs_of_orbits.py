@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from orbits.elements.least_distance import Ellipses
+from .guaranteed_search import Ellipses
 
 TURN = 2.0 * np.pi
 

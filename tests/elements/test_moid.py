@@ -9,11 +9,11 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.elements.least_distance import Ellipses, least_distance
-from orbits.elements.moid import Conics, least_distances
+from orbits.elements.moid import Conics, come_within, least_distances
 from orbits.errors import InputError
 
-from .pairs_of_orbits import KINDS, any_pairs
+from .guaranteed_search import Ellipses, least_distance
+from .pairs_of_orbits import KINDS, any_pairs, ellipses
 
 JPL = {  # of the Small-Body Database: e, q, inc, Omega, omega, epoch (JD), MOID with the Earth
     "Halley": (0.9679359956953211, 0.5748638313743413, 162.1905300439129, 59.09894720612437, 112.2414314637764,
@@ -43,8 +43,8 @@ def turned(e: Any, rng: np.random.Generator) -> Conics:
     return Conics.of(np.exp(rng.uniform(-1.0, 1.0, n)), e, *angles)
 
 
-def searched(one: Conics, other: Conics) -> float:
-    """The least distance of two orbits by minima of a grid in polar angles, each refined by ever finer grids."""
+def searched(one: Conics, other: Conics, power: float = 0.0) -> float:
+    """The least |Q - q| / |q|^power of two orbits by minima of a grid in polar angles, each refined by finer grids."""
 
     def places(orbit: Conics, f: Any) -> Any:
         r = orbit.p[0] / (1.0 + orbit.e[0] * np.cos(f))
@@ -52,7 +52,8 @@ def searched(one: Conics, other: Conics) -> float:
         return np.where(r[..., None] > 0.0, r[..., None] * where, np.inf)
 
     def function(f: Any, F: Any) -> Any:
-        apart = np.linalg.norm(places(other, F) - places(one, f), axis=-1)
+        q, Q = places(one, f), places(other, F)
+        apart = np.linalg.norm(Q - q, axis=-1) / np.linalg.norm(q, axis=-1) ** power
         return np.where(np.isfinite(apart), apart, np.inf)
 
     grids = [np.linspace(-1.0, 1.0, 201) * np.arccos(-1.0 / max(x.e[0], 1.0)) * 0.9999 for x in (one, other)]
@@ -79,9 +80,11 @@ def test_ellipses_have_the_least_distance_of_a_search_that_cannot_miss_it(kind: 
     known = least_distance(one, other)[0]
     found, f, F = least_distances(conics(one), conics(other))
     size = np.maximum(np.linalg.norm(one.along, axis=1), np.linalg.norm(other.along, axis=1))
-    assert np.abs((found - known) / size).max() < {"touching from within": 1e-12}.get(kind, 6e-15)
+    # At most 1.2e-15 farther apart; those of the search are up to 7e-15 too large.
+    assert ((found - known) / size).max() < 2e-15
+    assert ((known - found) / size).max() < 1e-14
     places = [x.at(g[:, None])[0][:, 0] for x, g in ((conics(one), f), (conics(other), F))]
-    np.testing.assert_array_equal(found, np.linalg.norm(places[1] - places[0], axis=1))
+    np.testing.assert_allclose(found, np.linalg.norm(places[1] - places[0], axis=1), rtol=3e-16)
 
 
 @pytest.mark.parametrize("kind", ["hyperbolas", "parabolas", "nearly parabolas"])
@@ -103,6 +106,23 @@ def test_known_distances() -> None:
     assert least_distances(one, other)[0] == pytest.approx([0.5, 0.0, 0.0, 2.0], abs=1e-15)
     none = Conics.of(*np.empty((5, 0)))
     assert [len(x) for x in least_distances(none, none)] == [0, 0, 0]
+    assert len(come_within(none, none, np.empty(0))) == 0
+
+
+@pytest.mark.parametrize("kind", ["any", "like planets"])
+def test_whether_they_come_within_a_share_of_the_distance_is_decided_to_the_last_digits(kind: str) -> None:
+    one, other = (conics(x) for x in any_pairs(kind, 15))
+    share = np.array([searched(one.some(slice(k, k + 1)), other.some(slice(k, k + 1)), 1.0) for k in range(15)])
+    assert come_within(one, other, share * (1.0 + 1e-9)).all()
+    assert not come_within(one, other, share * (1.0 - 1e-9)).any()  # the square of the share has 16 digits, so 1e-15
+
+
+def test_ellipses_apart_by_their_apsides_need_no_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = conics(ellipses([1.0, 1.0], 0.1)), conics(ellipses([1.5, 0.7], 0.1, 0.5))
+    monkeypatch.setattr("orbits.elements.moid._of_some", None)
+    assert not come_within(one, other, np.array([0.2, 0.1])).any()
+    with pytest.raises(TypeError):
+        come_within(one, other, np.array([0.24, 0.1]))  # (1.5 0.9 - 1.1) / 1.1 is 0.227
 
 
 @pytest.mark.parametrize("name", JPL)

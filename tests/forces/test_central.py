@@ -13,7 +13,7 @@ from orbits.kernels.gravity.terms_and_forces import add_forces, total_particle_f
 from orbits.kernels.lanes import full, lane, load
 from orbits.terms import Damping, GasDrag, MassLoss, NonGravitational, RadiationPressure
 
-from ..coverings import each
+from ..coverings import each, first
 
 UNIT = orbits.DIMENSIONLESS
 EPS = 2.0**-53
@@ -63,10 +63,10 @@ FORCES = {
 }
 
 
-def bound(force, particles=(), **changes):
-    named = replace(force, source="star", **changes).in_units(UNIT)
-    made = named.about(1, NAMES, list(particles), UNIT)
-    return SumTag((made.tag,)), (made.parameters,)
+def bound(*forces, particles=()):
+    named = (replace(force, source="star").in_units(UNIT) for force in forces)
+    made = [force.about(1, NAMES, list(particles), UNIT) for force in named]
+    return SumTag([one.tag for one in made]), tuple(one.parameters for one in made)
 
 
 @kernel
@@ -89,11 +89,17 @@ def on_eight(tags, strength, parameters, t, particle, sources, speeds, points, v
             out[a, k] = lane(found[a], k)
 
 
-@pytest.mark.parametrize(("force", "formula"), FORCES.values(), ids=FORCES)
-def test_a_force_is_its_formula_on_bodies_stages_and_particles(force, formula):
+@pytest.mark.parametrize("names", first(1, [[*FORCES], *([name] for name in FORCES)]), ids=["all", *FORCES])
+def test_a_force_is_its_formula_on_bodies_stages_and_particles(names):
+    """The sum of all, and each alone."""
+    forces = [FORCES[name][0] for name in names]
+
+    def formula(r, w):
+        return sum(FORCES[name][1](r, w) for name in names)
+
     rng = np.random.default_rng(4)
     q, v, f = rng.normal(size=9), rng.normal(size=9), np.ones(9)
-    tags, parameters = bound(force)
+    tags, parameters = bound(*forces)
     on_bodies(tags, STRENGTH, parameters, T, q, v, f)
     places, speeds = q.reshape(3, 3), v.reshape(3, 3)
     for i in (0, 2):
@@ -104,7 +110,7 @@ def test_a_force_is_its_formula_on_bodies_stages_and_particles(force, formula):
     rows = np.ones((9, 8))
     on_stages(tags, STRENGTH, parameters, T, *(np.repeat(x[:, None], 8, axis=1) for x in (q, v)), rows)
     assert np.allclose(rows, f[:, None], rtol=4 * EPS, atol=4 * EPS)
-    tags, parameters = bound(force, [f"p{k}" for k in range(11)])
+    tags, parameters = bound(*forces, particles=[f"p{k}" for k in range(11)])
     points, velocities, out = rng.normal(size=(3, 8)), rng.normal(size=(3, 8)), np.empty((3, 8))
     on_eight(tags, STRENGTH, parameters, T, 3, q, v, points, velocities, out)
     for k in range(8):
@@ -116,7 +122,7 @@ def test_a_force_is_its_formula_on_bodies_stages_and_particles(force, formula):
 def test_each_body_named_has_its_own_coefficient(stages):
     names = [f"p{k}" for k in range(11)]
     force = RadiationPressure(beta=(0.1, 0.4, 0.2), bodies=("p5", "b", "p3"), c=1e9)
-    tags, parameters = bound(force, names)
+    tags, parameters = bound(force, particles=names)
     f, ones, zeros = np.zeros(9), np.repeat([1.0, 0.0, 0.0], 8).reshape(3, 8), np.zeros((3, 8))
     q = np.array([1.0, 0.0, 1.0, 0, 0, 0, 0, 0, 0])
     on_bodies(tags, STRENGTH, parameters, 0.0, q, np.zeros(9), f)

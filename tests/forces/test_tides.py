@@ -68,6 +68,7 @@ def test_orbit_and_spin_change_at_the_rates_of_hut(e, spin):
     assert ds == pytest.approx(torque / (inertia * R**2), rel=5e-5)
 
 
+@pytest.mark.nightly
 def test_angular_momentum_of_orbits_and_spins_is_conserved_to_round_off_over_many_steps():
     both = pair(0.1, 0.4).with_forces(
         Tides("star", k2=0.3, radius=0.25, lag=0.02, inertia=0.08, spin=(0.3, -0.5, 1.4)),
@@ -194,6 +195,7 @@ def test_what_does_not_know_a_spin_is_refused_and_a_body_without_tides_has_none(
         march(pair(), duration=2.0).rotation.spin("star")
 
 
+@pytest.mark.nightly
 def test_steps_are_chosen_with_tides_too_and_an_eccentric_orbit_keeps_its_angular_momentum():
     force = Tides("planet", k2=0.3, radius=0.01, lag=0.01, inertia=0.3, spin=3.0, pole=(0, 0.6, 0.8))
     system = pair(1e-2, 0.9).with_forces(force)

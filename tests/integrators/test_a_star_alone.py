@@ -11,7 +11,7 @@ from orbits.errors import RetiredWarning, StepWarning
 from orbits.methods import SABA
 from orbits.terms import FrameDragging, PostNewtonian, ZonalHarmonics
 
-from ..coverings import at, first
+from ..coverings import at, cover, first
 from .strong_terms import DEFAULT, GAUSS, POLE, STRONG, marched
 
 EPS = 2.0**-53
@@ -34,12 +34,12 @@ def system():
     return orbits.System(["star", *(f"p{k}" for k in range(len(ORBITS)))], *particles(), units=orbits.DIMENSIONLESS)
 
 
-@pytest.mark.parametrize(
-    "method",
+@cover(
+    ("method", "dt"),
     [DEFAULT, orbits.WisdomHolman(encounters="follow"), orbits.WisdomHolman(encounters="retire"), SABA(8, 6, 4)],
-    ids=lambda method: method.label,
+    [1.0, -0.125],
+    strength=1,
 )
-@pytest.mark.parametrize("dt", [1.0, -0.125])
 def test_particles_about_a_star_alone_move_as_the_two_body_flow_moves_them_whatever_the_step(method, dt):
     """To what rounding errors leave of the way, 1e3 of them at pericentres, and without a word: nothing is disturbed
     there, so that none is warned of, retired, or followed by steps that would not be exact.

@@ -10,7 +10,6 @@ from orbits.methods import VPRK, Composition, ImplicitMidpoint
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
 
 from ..contracts.problems import errors_against_the_exact_orbit, march, marcher
-from ..coverings import first
 from ..problems import kepler, three_bodies
 
 VERLET = orbits.StormerVerlet()
@@ -80,7 +79,8 @@ def test_a_massless_particle_of_an_implicit_composition_moves_as_a_body_without_
     assert max(np.abs(a - b).max() for a, b in zip(light, heavy, strict=True)) < 4e-15
 
 
-@pytest.mark.parametrize("name", first(1, ["charged-particle", "driven-pendulum"]))
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["charged-particle", "driven-pendulum"])
 def test_lagrangians_that_are_not_separable_or_depend_on_time_are_marched_by_composed_gauss(name):
     """With order 6 of Gauss with two stages, against Gauss with eight at a tenth of the step."""
     L = orbits.lagrangians.registry()[name]
@@ -100,10 +100,10 @@ def test_verlet_composed_refuses_what_verlet_refuses():
 
 @pytest.mark.parametrize(
     "method",
-    first(1, [
-        Composition(VERLET, order=6),
+    [
+        pytest.param(Composition(VERLET, order=6), marks=pytest.mark.nightly),
         pytest.param(Composition(orbits.Gauss(stages=1), order=4), marks=pytest.mark.contracts),
-    ]),
+    ],
     ids=lambda m: m.label,
 )
 def test_a_composition_is_certified(method):

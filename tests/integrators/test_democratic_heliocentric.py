@@ -242,6 +242,7 @@ def test_steps_of_a_single_planet_are_judged_since_they_are_not_exact():
         orbits.propagate(alone, METHOD, dt="9 d", duration="1 yr", samples=2, progress=False)
 
 
+@pytest.mark.nightly
 def test_it_is_certified_with_and_without_particles():
     for start in (orbits.System.solar_system(), system({(2.5, 0.1): 0, (1.3, 0.1): 0})):
         found = orbits.certify(start, METHOD, 3 * u.day)

@@ -11,6 +11,7 @@ from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.problem import Ends
 from orbits.marching.watching.leg_observers import ENERGY, SUSPECT
 
+from ..coverings import cover
 from ..problems import belt
 
 GAUSS = orbits.Gauss(stages=8)
@@ -38,9 +39,7 @@ def ellipse(e, h, gm=(1.0, 0.0), **options):
     return marcher(gm, q, v, h, **options)
 
 
-@pytest.mark.parametrize("gm", [(1.0, 0.0), (0.999, 0.001), (0.5, 0.5)])
-@pytest.mark.parametrize("e", [0.1, 0.6, 0.9])
-@pytest.mark.parametrize("h", [0.01, -0.01])
+@cover(("gm", "e", "h"), [(1.0, 0.0), (0.999, 0.001), (0.5, 0.5)], [0.1, 0.6, 0.9], [0.01, -0.01], strength=1)
 def test_a_pericentre_is_found_with_its_time_and_speed(gm, e, h):
     run = ellipse(e, h, gm)
     run.advance(400)

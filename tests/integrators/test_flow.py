@@ -25,7 +25,7 @@ def runaway():
 
 
 @pytest.mark.parametrize("every", at((1,), [1, 3]))
-@pytest.mark.parametrize("method", at((0, 5), [*IMPLICIT, *EXPLICIT]), ids=lambda m: m.label)
+@pytest.mark.parametrize("method", at((5,), [*IMPLICIT, *EXPLICIT]), ids=lambda m: m.label)
 def test_an_error_names_the_first_step_that_cannot_be_taken_and_keeps_what_was_before(runaway, method, every):
     def march(steps, every=1):
         return orbits.march(runaway, method, dt=0.5, steps=steps, every=every, q=[1.0], v=[0.0])

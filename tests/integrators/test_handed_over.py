@@ -135,6 +135,7 @@ def test_crossers_are_followed_by_the_terms_of_the_run_too():
     assert np.array_equal(ends(alone, FOLLOW, dt=25 * u.day)[-1], found[3 + 6])
 
 
+@pytest.mark.nightly
 def test_crossers_are_followed_in_democratic_heliocentric_coordinates_too():
     """With the error that its steps have without encounters: that of the last three particles, which have none."""
     start, coordinates = system([*CROSSERS[:16], *QUIET]), {"coordinates": "democratic-heliocentric"}
@@ -153,7 +154,7 @@ def test_closest_approaches_of_followed_particles_do_not_depend_on_threads():
     start = system(CROSSERS)
     options = {"dt": 25 * u.day, "samples": 2, "approaches": True, "progress": False}
     one, other = (
-        orbits.propagate(start, FOLLOW, duration=-100 * u.yr, threads=threads, **options)
+        orbits.propagate(start, FOLLOW, duration=-30 * u.yr, threads=threads, **options)
         for threads in (1, 5)
     )
     found, expected = other.closest_approaches().distance, one.closest_approaches().distance

@@ -1,13 +1,14 @@
 """Massless particles that stay within the reach of a planet: each passage is listed, though distances hardly change."""
 
 import numpy as np
-import pytest
 
 import orbits
 from orbits.elements import state_from_elements
 from orbits.kernels.search.record import MATE, ROW, STEP
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
+
+from ..coverings import cover
 
 METHODS = {
     "map": (orbits.WisdomHolman(kernel="standard", corrector=0), 0.1),
@@ -28,8 +29,7 @@ def around_a_planet(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     return np.array([1.0, 1e-3] + [0.0] * 60), q, v
 
 
-@pytest.mark.parametrize("name", METHODS)
-@pytest.mark.parametrize("looks", [True, False])
+@cover(("name", "looks"), METHODS, [True, False], strength=1)
 def test_every_passage_of_particles_within_the_reach_of_a_planet_is_listed(name, looks):
     (method, h), found = METHODS[name], 0
     for seed in range(6):

@@ -17,7 +17,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 from orbits.marching.stepping import parallel
 
-from ..coverings import at
+from ..coverings import cover
 
 BODIES = 150
 
@@ -43,9 +43,13 @@ def march(gm, q, v, threads, steps=40, method=None):
     return checkpoint, run.state()
 
 
-@pytest.mark.parametrize("particles", [0, 20])
-@pytest.mark.parametrize("threads", at((1, 2), [1, 2, 3, 5]))
-@pytest.mark.parametrize("method", [StormerVerlet(), Composition(order=4, scheme="blanes-moan")], ids=lambda m: m.name)
+@cover(
+    ("method", "particles", "threads"),
+    [StormerVerlet(), Composition(order=4, scheme="blanes-moan")],
+    [0, 20],
+    [2, 3, 1, 5],
+    strength=1,
+)
 def test_bits_do_not_depend_on_the_number_of_threads_nor_on_being_shared(method, particles, threads, monkeypatch):
     problem = cluster(particles)
     alone, alone_later = march(*problem, threads=1, method=method)

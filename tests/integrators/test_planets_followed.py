@@ -21,7 +21,7 @@ from orbits.marching.legs.problem import Problem
 from orbits.methods import SABA
 from orbits.terms import PostNewtonian, ZonalHarmonics
 
-from ..coverings import first
+from ..coverings import at, first
 from ..maps import newtonian_energy, solar_system
 
 SUN, YEAR = 0.00029591220828, 365.25
@@ -113,7 +113,7 @@ def test_what_happened_is_listed_in_whole_steps(scattered, tmp_path):
     assert np.array_equal(opened.q, scattered.q)
 
 
-@pytest.mark.parametrize(("years", "samples"), [(300, 9), (300, 40), (300, 87), (200, 25), (200, 40)])
+@pytest.mark.parametrize(("years", "samples"), at((1, 3), [(300, 9), (300, 40), (300, 87), (200, 25), (200, 40)]))
 def test_a_run_that_was_stopped_is_resumed_to_the_same_bits(years, samples, tmp_path):
     """At samples on the map, and on excursions from it; also after a step of an excursion that is longer than dt."""
     options = {**OPTIONS, "duration": years * u.yr, "samples": 101, "approaches": True}
@@ -340,16 +340,17 @@ def test_impacts_are_at_the_surface_whatever_the_samples(mass, sizes, radius, co
     method = orbits.WisdomHolman(encounters="follow")
     options = {**OPTIONS, "duration": 200 * u.yr}
     seen = []
-    for samples in (3, 9, 101, 1001):
+    for samples in (3, 101):
         run = orbits.propagate(start.replaced(radii=radii * u.au), method, samples=samples, **options)
         seen.append([(one.name, one.reason, one.time.value, one.q.value.tolist()) for one in run.retired])
     assert len(seen[0]) == count
-    assert seen == [seen[0]] * 4
+    assert seen == [seen[0]] * 2
+    times = np.unique([0.0, *(one.time.value for one in run.retired), 200 * YEAR])
+    free = orbits.propagate(start, method, samples=times * u.day, **options)
     for one in run.retired:
-        there = orbits.propagate(start, method, samples=[0.0, one.time.value, 200 * YEAR] * u.day, **options)
-        body = start.names.index(one.reason.split()[-1])
+        there, body = free.q.value[times == one.time.value], start.names.index(one.reason.split()[-1])
         # Reached: 5e-12, of which one.time leaves the rounding errors.
-        assert abs(np.linalg.norm((one.q - there.q[1, body]).value) / radii[body] - 1.0) < 1e-10
+        assert abs(np.linalg.norm(one.q.value - there[0, body]) / radii[body] - 1.0) < 1e-10
 
 
 def test_what_does_not_fit_is_refused():
@@ -395,7 +396,9 @@ def three_planets(days, event, *events, samples=4, **more):
 
 @pytest.mark.parametrize(
     ("days", "event", "changed", "pairs"),
-    [(21900, FORWARDS, 43, [("b", "c")]), (-21900, BACKWARDS, 107, [("b", "d"), ("b", "c"), ("c", "d")])],
+    first(1, [
+        (21900, FORWARDS, 43, [("b", "c")]), (-21900, BACKWARDS, 107, [("b", "d"), ("b", "c"), ("c", "d")])
+    ]),
 )
 def test_an_encounter_that_begins_soon_after_a_change_is_listed(days, event, changed, pairs, tmp_path):
     """All bodies are in chosen steps when it begins, for the rest of the step of the change; resumed within the first

@@ -115,6 +115,7 @@ def test_the_map_does_not_depend_on_where_a_march_is_cut():
     assert np.abs(momentum - path.p[-1]).max() < 4e-14
 
 
+@pytest.mark.nightly
 def test_a_torque_that_is_not_finite_ends_the_march_with_the_step_and_the_state():
     import sympy
 

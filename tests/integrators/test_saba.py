@@ -203,6 +203,7 @@ def test_observers_see_the_states_as_they_are():
             assert abs(seen[passage.other].time - passage.time) < 1 * u.min
 
 
+@pytest.mark.nightly
 def test_it_is_certified_with_and_without_particles():
     for start in (orbits.System.solar_system(), system({(2.5, 0.1): 0, (1.3, 0.1): 0})):
         found = orbits.certify(start, DEFAULT, 3 * u.day)

@@ -18,6 +18,7 @@ from orbits.marching.legs.leg import Leg
 from orbits.tableaux.correctors import PAIRS, corrector, corrector_lengths
 
 from ..contracts.problems import march
+from ..coverings import cover
 from ..problems import three_bodies
 
 DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)
@@ -132,8 +133,7 @@ def test_three_steps_equal_the_plain_path_in_forty_digits(method):
         assert np.abs(x - y).max() < (6e-16 if method == PLAIN else 2e-14)
 
 
-@pytest.mark.parametrize("count", [9, 12, 16])
-@pytest.mark.parametrize("method", [PLAIN, orbits.WisdomHolman(corrector=3)], ids=lambda method: method.label)
+@cover(("method", "count"), [PLAIN, orbits.WisdomHolman(corrector=3)], [9, 12, 16], strength=1)
 def test_planets_in_two_registers_in_any_order_equal_the_plain_path_in_forty_digits(method, count):
     rng = np.random.default_rng(count)
     a, angle = 1.15 ** np.arange(count), rng.uniform(0, 2 * np.pi, count)

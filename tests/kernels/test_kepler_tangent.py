@@ -8,6 +8,8 @@ import pytest
 
 from orbits.kernels.tangents.of_kepler_flow import flow_matrix
 
+from ..coverings import at
+
 CASES = {
     "short": (0.9, 0.05),
     "backwards": (0.9, -0.1),
@@ -56,7 +58,7 @@ def flow(start, dt):
     return [f * a + g * b for a, b in zip(x, v, strict=True)] + [df * a + dg * b for a, b in zip(x, v, strict=True)]
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", at((1, 3, 5, 7), CASES))
 def test_the_derivative_of_a_kepler_motion_is_that_of_fifty_digits(name):
     speed, dt = CASES[name]
     x, v = np.array([0.6, -0.64, 0.48]), np.array([0.48, 0.8, -0.36])

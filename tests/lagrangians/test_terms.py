@@ -257,7 +257,7 @@ def evaluate_stages(tag, parameters, times, q, v, f, p, hessian, value):
     evaluate_canonical(tag, parameters, load(times, 0), q, v, f, p, hessian, value)
 
 
-@pytest.mark.parametrize("terms", at((0, 5), SUMS.values()), ids=SUMS)
+@pytest.mark.parametrize("terms", at((1,), SUMS.values()), ids=SUMS)
 def test_stages_in_lanes_and_vectors_give_the_same_numbers(terms):
     L = n_body(GM, 0.1, terms(len(GM)))
     states = [state(seed) for seed in range(WIDTH)]
@@ -278,7 +278,7 @@ def test_stages_in_lanes_and_vectors_give_the_same_numbers(terms):
         assert np.max(np.abs(hessian[:, lane].reshape(3, d, d) - blocks)) < 32 * EPS * np.max(np.abs(blocks))
 
 
-@pytest.mark.parametrize("term", [zonal(1), figure()], ids=["zonals", "figure"])
+@pytest.mark.parametrize("term", at((1,), [zonal(1), figure()]), ids=["zonals", "figure"])
 def test_accelerations_are_forces_over_masses_in_vectors_and_in_lanes(term):
     L = n_body(GM, 0.0, [term])
     q, v = state()
@@ -294,7 +294,7 @@ def test_accelerations_are_forces_over_masses_in_vectors_and_in_lanes(term):
     assert np.max(np.abs(found - expected[:, None])) < 16 * EPS * np.max(np.abs(expected))
 
 
-@pytest.mark.parametrize("term", [zonal(9), figure(9, 3)], ids=["zonals", "figure"])
+@pytest.mark.parametrize("term", at((1,), [zonal(9), figure(9, 3)]), ids=["zonals", "figure"])
 def test_bodies_may_be_shared_out_among_threads_to_the_same_bits(term):
     bodies = 21
     rng = np.random.default_rng(5)
@@ -321,7 +321,7 @@ def field_in_lanes(tag, parameters, sources, points, out):
     store(out, 2, az)
 
 
-@pytest.mark.parametrize("term", [zonal(), figure()], ids=["zonals", "figure"])
+@pytest.mark.parametrize("term", at((1,), [zonal(), figure()]), ids=["zonals", "figure"])
 def test_a_particle_feels_what_a_body_of_vanishing_mass_does(term):
     q, v = state(2, 4)
     particle = n_body([*GM, 1e-30], 0.05, [term])
@@ -358,7 +358,7 @@ def momenta_of_particle(tag, parameters, sources, speeds, place, velocity):
     return particle_momenta(tag, parameters, 0.0, sources, speeds, place, velocity)
 
 
-@pytest.mark.parametrize("terms", SUMS.values(), ids=SUMS)
+@pytest.mark.parametrize("terms", at((2, 3, 5), SUMS.values()), ids=SUMS)
 def test_the_momentum_of_a_particle_alone_is_that_beside_its_force(terms):
     q, v = state(2, 4)
     L = n_body(GM, 0.05, terms(3))
@@ -368,7 +368,7 @@ def test_the_momentum_of_a_particle_alone_is_that_beside_its_force(terms):
     assert np.max(np.abs(found - expected)) < 8 * EPS
 
 
-@pytest.mark.parametrize("terms", at((2, 5, 8), SUMS.values()), ids=SUMS)
+@pytest.mark.parametrize("terms", at((5, 8), SUMS.values()), ids=SUMS)
 def test_the_charges_of_terms_complete_those_of_newton(terms):
     L, newton = n_body(GM, 0.1, terms(len(GM))), n_body(GM, 0.1)
     q, v = state()

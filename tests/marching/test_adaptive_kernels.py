@@ -21,6 +21,7 @@ from orbits.kernels.steps import Method, Model, State, Storage
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.clocks.adaptive import root
 
+from ..coverings import cover
 from ..problems import three_bodies
 
 
@@ -44,8 +45,7 @@ def signalled(form, coefficients, tag, strength, h, q, storage):
     return signal(method, model, h, State(q, q, q, q), Storage(carry, scratch, scratch, None))
 
 
-@pytest.mark.parametrize("stages", [3, 5, 8])
-@pytest.mark.parametrize("ratio", [1.0, 0.3, 1.4, 2.0])
+@cover(("stages", "ratio"), [3, 5, 8], [1.0, 0.3, 1.4, 2.0], strength=1)
 def test_prepared_coefficients_are_those_made_in_many_digits(stages, ratio):
     form = Collocation(orbits.Gauss(stages=stages).tableau, close=True)
     h = 0.37
@@ -59,8 +59,7 @@ def test_prepared_coefficients_are_those_made_in_many_digits(stages, ratio):
     np.testing.assert_allclose(found[0, start], expected[0, start], rtol=0, atol=2e-10 * largest)
 
 
-@pytest.mark.parametrize("stages", [3, 8])
-@pytest.mark.parametrize("ratio", [0.7, 2.0])
+@cover(("stages", "ratio"), [3, 8], [0.7, 2.0], strength=1)
 def test_prepared_coefficients_of_bodies_with_terms_are_those_made_in_many_digits(stages, ratio):
     form = CanonicalBodies(orbits.Gauss(stages=stages).tableau, close=True)
     h = 0.37

@@ -9,6 +9,8 @@ from orbits.kernels.search.record import DISTANCE2, DOMINANT
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 
+from ..coverings import only
+
 FOLLOW = {"encounters": "follow"}
 METHODS = {
     "followed": orbits.WisdomHolman(**FOLLOW),
@@ -39,7 +41,7 @@ def bodies(seed):
 
 
 @pytest.mark.parametrize("seed", [3, 13, 25, 28])
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("name", only(["followed", "map", "Störmer-Verlet"], METHODS))
 def test_pericentres_are_found_in_blocks_as_in_single_steps(name, seed):
     """Also those between two samples that are far apart, of orbits so eccentric that no polynomial follows them there:
     pericentres were missed whose distance was 5 % less than that on record.

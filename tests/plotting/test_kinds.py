@@ -14,7 +14,7 @@ from orbits.plotting.resonances import integers_of, libration
 from tests.plotting import seen
 from tests.plotting.runs import MERGING, about_a_star
 
-from ..coverings import each
+from ..coverings import cover, each
 
 PLANETS = {"inner": {"a": 1.0, "e": 0.2, "pomega": 1.0}, "outer": {"a": 5.2, "e": 0.05, "M": 2.0, "inc": 0.3}}
 MANY = {f"rock {k}": {"a": 2.0 + 0.003 * k, "e": 0.001 * k, "M": 1.0 * k} for k in range(300)}
@@ -65,15 +65,14 @@ def line_of(axes, name):
     return next(line for line in axes.lines if line.get_label().startswith(name))
 
 
-@pytest.mark.parametrize(
-    ("name", "of"),
-    [
-        *((name, of) for name in ("paths", "elements", "phase") for of in ("kepler", "many", "merged")),
-        ("resonance", "resonant"),
-        ("error", "merged"),
-        ("energy", "merged"),
-    ],
-)
+RUNS = ["merged", "many", "kepler"]
+RUNS_OF = {
+    **dict.fromkeys(("paths", "elements", "phase"), RUNS),
+    "resonance": ["resonant"], "error": ["merged"], "energy": ["merged"],
+}  # fmt: skip
+
+
+@cover(("name", "of"), RUNS_OF, [*RUNS, "resonant"], strength=1, allowed=lambda name, of: of in RUNS_OF[name])
 def test_nothing_overlaps_in_a_picture_of_any_kind(name, of, request):
     more = {"resonance": "2:1"} if name == "resonance" else {}
     figure = seen.laid_out(request.getfixturevalue(of).plot(name, **more))

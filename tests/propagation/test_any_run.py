@@ -30,7 +30,7 @@ def many(x: Any) -> bool:
 
 
 @campaign(
-    60,
+    20,
     1500,
     changes=st.dictionaries(
         st.sampled_from(
@@ -58,7 +58,7 @@ def test_any_argument_of_a_run_is_taken_or_refused(changes: dict[str, Any]) -> N
     works_or_says_why(lambda: orbits.propagate(given.pop("system"), given.pop("integrator"), **given))
 
 
-@campaign(60, 1500, x=junk.filter(is_short))
+@campaign(20, 1500, x=junk.filter(is_short))
 def test_any_step_and_any_length_run_or_are_refused(x: Any) -> None:
     works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=x, duration=0.5, samples=2))
     if isinstance(x, str):
@@ -68,7 +68,7 @@ def test_any_step_and_any_length_run_or_are_refused(x: Any) -> None:
         works_or_says_why(lambda: orbits.propagate(PAIR, VERLET, dt=0.1, until=x, samples=2))
 
 
-@campaign(30, 1000, x=junk)
+@campaign(10, 1000, x=junk)
 def test_any_question_to_a_run_is_answered_or_refused(x: Any) -> None:
     run = orbits.propagate(PAIR, VERLET, dt=0.1, duration=1.0, samples=3)
     for use in (

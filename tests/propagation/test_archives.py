@@ -17,7 +17,7 @@ from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupte
 from orbits.propagation.resuming import sample_store
 from tests.stopping import after_samples
 
-from ..coverings import at
+from ..coverings import at, first
 
 METHODS = [orbits.StormerVerlet(), orbits.Gauss(stages=8), orbits.methods.RungeKutta4()]
 IDS = [m.label for m in METHODS]
@@ -34,7 +34,7 @@ def same(a, b):
     return np.array_equal(a.q, b.q) and np.array_equal(a.v, b.v) and np.array_equal(a.times, b.times)
 
 
-@pytest.mark.parametrize("method", METHODS, ids=IDS)
+@pytest.mark.parametrize("method", first(2, METHODS), ids=IDS)
 def test_an_archive_holds_the_bits_of_the_run_in_memory(tmp_path, method):
     memory = orbits.propagate(belt(), method, **ARGUMENTS)
     stored = orbits.propagate(belt(), method, **ARGUMENTS, archive=tmp_path / "run.h5")
@@ -47,8 +47,8 @@ def test_an_archive_holds_the_bits_of_the_run_in_memory(tmp_path, method):
         assert np.array_equal(memory.energy(), other.energy())
 
 
-@pytest.mark.parametrize("method", METHODS, ids=IDS)
-@pytest.mark.parametrize("stop_after", [1, 7, 22])
+@pytest.mark.parametrize("method", first(2, METHODS), ids=IDS)
+@pytest.mark.parametrize("stop_after", at((1,), [1, 7, 22]))
 def test_a_run_stopped_between_samples_resumes_to_the_same_bits(tmp_path, monkeypatch, method, stop_after):
     """SIGTERM arrives during the run; the resumed run equals one that never stopped."""
     straight = orbits.propagate(belt(), method, **ARGUMENTS)

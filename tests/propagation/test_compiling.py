@@ -20,9 +20,9 @@ WORDS = "compiling for this machine, once: "
 
 PROGRAM = """
 import orbits
-places, speeds = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]]
-system = orbits.System(["a", "b"], [1.0, 0.0], places, speeds, units=orbits.DIMENSIONLESS)
-orbits.propagate(system, orbits.StormerVerlet(), dt=1e-2, duration=1.0, samples=3)
+from orbits.propagation.control import compiling
+compiling.PATIENCE, compiling.PAUSE = 0.0, 0.02
+orbits.march(orbits.lagrangians.kepler, orbits.StormerVerlet(), dt=0.1, steps=3)
 """
 
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from orbits.propagation.events.base import Bound
-from orbits.propagation.events.brackets import CHECKS, NotFiniteError
-from orbits.propagation.events.search import zeros_of
+from orbits.propagation.events.search.brackets import CHECKS, NotFiniteError
+from orbits.propagation.events.search.zeros import zeros_of
+
+from ..coverings import cover
 
 
 class Still:
@@ -95,9 +97,13 @@ def test_zeros_with_two_extrema_between_two_checks_may_stay_unseen():
     assert 0 < len(found) < 160
 
 
-@pytest.mark.parametrize("place", [3.0, 3.0 + CHECKS[1], 3.0 + CHECKS[6]], ids=["end", "first-node", "sixth-node"])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("times", [np.arange(8.0), np.arange(8.0)[::-1]], ids=["forwards", "backwards"])
+@cover(
+    ("place", "sign", "times"),
+    [3.0, 3.0 + CHECKS[1], 3.0 + CHECKS[6]],
+    [1.0, -1.0],
+    [np.arange(8.0), np.arange(8.0)[::-1]],
+    strength=1,
+)
 def test_a_zero_exactly_at_a_check_counts_once(place, sign, times):
     found, rising = times_of(lambda t: sign * (t - place), times)
     assert found.tolist() == [place]

@@ -16,9 +16,12 @@ from orbits.events import (
     Pericentre,
     WallTimeOver,
 )
-from orbits.propagation.events import asked, particles
+from orbits.marching.legs import within_step
+from orbits.propagation.events import asked
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 from orbits.trajectory.events import NUMBER
+
+from ..coverings import cover
 
 BODIES = ["Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune"]
 APOPHIS = {
@@ -98,8 +101,7 @@ def test_a_massless_body_that_passes_fast_where_there_are_hardly_forces_is_seen(
         np.testing.assert_allclose(found.time.value, [3.3 - np.sqrt(0.75) * limit, 3.3], rtol=0.0, atol=1e-14)
 
 
-@STEPS
-@pytest.mark.parametrize("sign", [1, -1], ids=["forwards", "backwards"])
+@cover(("dt", "sign"), [None, 0.02], [1, -1], strength=1)
 def test_all_kinds_of_events_are_those_of_a_body_with_a_tiny_mass(dt, sign):
     massless = sought(SEVERAL, dt=dt, duration=sign * 30.0).events
     tiny = sought(SEVERAL, system(1e-20), dt=dt, duration=sign * 30.0).events
@@ -246,14 +248,14 @@ def test_a_retired_body_has_the_events_before_it_is_lost_and_none_after():
 
 
 def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(monkeypatch):
-    real = particles.stretches
+    real = within_step.stretches
 
     def failing(march, place):
         if march.problem.start > 10.0:
             raise ConvergenceError("the stages did not converge", step=1, time=0.0)
         return real(march, place)
 
-    monkeypatch.setattr(particles, "stretches", failing)
+    monkeypatch.setattr(within_step, "stretches", failing)
     with pytest.raises(EventError, match=r"of probe cannot be sought from t = 9 to 12: .*smaller dt") as error:
         sought(Pericentre("probe"), dt=0.02)
     run = error.value.trajectory

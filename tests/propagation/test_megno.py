@@ -14,7 +14,7 @@ from orbits.errors import InputError, RetiredWarning, StepWarning
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.tangents.in_maps import MapTangents
 from orbits.marching.tangents.of_particles import ParticleTangents
-from orbits.propagation.events.particles import with_light
+from orbits.propagation.events.search.of_particles import with_light
 from orbits.propagation.variations.megno import Megno, TangentGrowth, _starts
 from orbits.resources import data_path
 from orbits.system.model import model
@@ -229,6 +229,7 @@ def test_particles_in_a_map_are_told_apart_as_by_a_method_without_kepler_orbits(
     assert found[0]["calm"].passage is None
 
 
+@pytest.mark.nightly
 def test_megno_of_particles_in_a_map_grows_at_the_borders_of_a_resonance_and_is_2_beside_it():
     """Two asteroids on the borders of 3:1 with Jupiter, at e = 0.20 and 0.14, and two beside it; none is ever near."""
     jupiter = {"gm": 9.5479e-4 * orbits.SOLAR.G, "a": 5.2026, "e": 0.0485}

@@ -17,6 +17,7 @@ from orbits.propagation.marchers import bound
 from orbits.results.approach import said
 from tests.encounters import APOPHIS_MISS, apophis_2029, comet
 
+from ..coverings import at, first
 from ..problems import belt
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
@@ -40,7 +41,7 @@ def where_apophis_ends(apophis):
     return orbits.propagate(apophis, GAUSS, dt=0.01, duration=365.0, samples=2)["Apophis"].q[-1]
 
 
-@pytest.mark.parametrize("dt", [0.5, 0.25, 0.1])
+@pytest.mark.parametrize("dt", at((1,), [0.5, 0.25, 0.1]))
 def test_a_flyby_that_spoils_the_run_is_told_with_the_error_it_causes_and_a_step_that_resolves_it(
     apophis, where_apophis_ends, dt
 ):
@@ -72,7 +73,8 @@ def where_the_comet_ends(past_venus):
 
 
 @pytest.mark.parametrize(
-    ("method", "dt"), [(GAUSS, 32), (GAUSS, 24), (GAUSS, 16), (GAUSS, 8), (GAUSS, 6), (orbits.Gauss(stages=2), 8)]
+    ("method", "dt"),
+    at((1, 4, 5), [(GAUSS, 32), (GAUSS, 24), (GAUSS, 16), (GAUSS, 8), (GAUSS, 6), (orbits.Gauss(stages=2), 8)]),
 )
 def test_a_flyby_in_few_steps_beside_the_sun_is_told_with_its_true_error_and_following_the_advice_ends_the_warning(
     past_venus, where_the_comet_ends, method, dt
@@ -93,7 +95,7 @@ def test_what_a_flyby_causes_does_not_include_the_error_on_the_orbit_about_the_s
     assert [(p.body, p.other) for p in run.unresolved()] == [("comet", "Venus"), ("comet", "Sun")]
 
 
-@pytest.mark.parametrize("method", [VERLET, orbits.Gauss(stages=2), GAUSS], ids=lambda m: m.label)
+@pytest.mark.parametrize("method", first(2, [VERLET, orbits.Gauss(stages=2), GAUSS]), ids=lambda m: m.label)
 def test_following_the_advice_ends_the_warning_where_the_run_itself_lost_the_passage(method):
     """A comet falls towards Jupiter: in steps of 5 d it passes elsewhere, and the passage seen is not the true one."""
     system = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Jupiter", "Saturn"])
@@ -115,7 +117,7 @@ def test_a_flyby_that_the_step_resolves_is_not_told(apophis):
     assert run.unresolved() == []
 
 
-@pytest.mark.parametrize(("dt", "seen_km"), [(0.5, 8.8e6), (0.25, 359e3), (0.2, 61e3)])
+@pytest.mark.parametrize(("dt", "seen_km"), at((1,), [(0.5, 8.8e6), (0.25, 359e3), (0.2, 61e3)]))
 def test_a_flyby_five_years_ahead_is_told(apophis, dt, seen_km):
     start = orbits.propagate(apophis, GAUSS, dt=0.5, duration=-5 * 365.25, samples=2, check_step=False)[-1]
     run, warned = told(start, GAUSS, dt, 2191.5)
@@ -247,7 +249,7 @@ def test_of_more_passages_than_there_is_room_for_the_fastest_are_kept_and_the_ot
     assert np.array_equal(parts.home.listing.passages.passages, listed)
 
 
-@pytest.mark.parametrize("method", [VERLET, orbits.Gauss(stages=2), RungeKutta4()], ids=lambda m: m.label)
+@pytest.mark.parametrize("method", first(2, [VERLET, orbits.Gauss(stages=2), RungeKutta4()]), ids=lambda m: m.label)
 def test_a_comet_that_the_fastest_planet_hides_before_the_run_is_told_after_it(method):
     """A low order has large errors at a perihelion of hundreds of steps; the check before the run sees only Mercury."""
     planets = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Mercury", "Jupiter"])

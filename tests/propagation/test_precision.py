@@ -9,6 +9,7 @@ from astropy import units as u
 import orbits
 from orbits.errors import InputError, OrbitsWarning, StepWarning
 
+from ..coverings import cover
 from ..problems import kepler, three_bodies
 from .bodies import system
 
@@ -26,8 +27,7 @@ def moved(start, distance):
 
 
 @pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
-@pytest.mark.parametrize("distance", [1e6, 1e8, 1e10])
-@pytest.mark.parametrize("masses", ["pair", "planets"])
+@cover(("masses", "distance"), ["pair", "planets"], [1e6, 1e8, 1e10], strength=1)
 def test_the_steps_of_bodies_far_from_the_origin_are_those_near_it(masses, distance):
     """The same number to 2 %, and separations to the rounding of their samples; a lost low part cost ten thousand times
     as many steps at 1e7.

@@ -15,6 +15,8 @@ import pytest
 import orbits
 from orbits.errors import EventError, InputError, Interrupted
 
+from ..coverings import cover
+
 SYSTEM = orbits.System(
     ["star", "p", "r"],
     gm=[1.0, 1e-3, 1e-4],
@@ -29,8 +31,7 @@ STEPS = pytest.mark.parametrize("dt", [None, 0.07], ids=["adaptive", "constant"]
 DIRECTION = pytest.mark.parametrize("duration", [40.0, -40.0], ids=["forwards", "backwards"])
 
 
-@STEPS
-@DIRECTION
+@cover(("dt", "duration"), [None, 0.07], [40.0, -40.0], strength=1)
 def test_a_run_with_early_samples_goes_on_to_its_end(dt: float | None, duration: float) -> None:
     samples = [duration / 40, duration / 20]
     run = orbits.propagate(SYSTEM, dt=dt, duration=duration, samples=samples, events=PERICENTRES)
@@ -75,8 +76,7 @@ def test_events_of_particles_and_collisions_after_the_last_sample_are_found(dt: 
     assert merged.at(0.5).names == ("a", "b")
 
 
-@STEPS
-@pytest.mark.parametrize("system", [SYSTEM, WITH_PARTICLE], ids=["massive", "with particle"])
+@cover(("dt", "system"), [None, 0.07], [SYSTEM, WITH_PARTICLE], strength=1)
 def test_an_archive_goes_on_to_the_end_of_the_run_after_an_interruption(
     dt: float | None, system: orbits.System, tmp_path: Path
 ) -> None:
@@ -126,9 +126,7 @@ def test_an_archive_that_ends_after_its_last_sample_is_extended_from_its_end(dt:
     assert np.abs(run.at(17.7).q.value - whole.at(17.7).q.value).max() < 1e-14
 
 
-@STEPS
-@pytest.mark.parametrize("dense", [False, True], ids=["samples", "dense"])
-@pytest.mark.parametrize("samples", [101, [20.0, 30.0]], ids=["many samples", "none before"])
+@cover(("dt", "dense", "samples"), [None, 0.07], [False, True], [101, [20.0, 30.0]], strength=1)
 def test_the_time_of_an_event_that_stops_a_run_can_be_asked_for(
     dt: float | None, dense: bool, samples: Any, tmp_path: Path
 ) -> None:

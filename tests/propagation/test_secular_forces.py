@@ -126,6 +126,7 @@ def test_an_orbit_widens_as_its_star_loses_mass_and_keeps_its_eccentricity(gm):
     assert abs(e - E) < 2 * gone / 40  # it oscillates by the loss in an orbit
 
 
+@pytest.mark.nightly
 def test_mass_loss_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_taken_up_again():
     system = star().with_forces(MassLoss(fraction=-0.01, since=-1.0))
     options = {"dt": 0.1, "progress": False, "check_step": False}
@@ -144,6 +145,7 @@ ACTING = (
 )
 
 
+@pytest.mark.nightly
 def test_all_of_them_together_are_archived_resumed_and_their_work_accounted(tmp_path):
     one = star(1e-3)
     system = one.add("grain", gm=0.0, q=[0.0, 1.6, 0.0], v=[-0.75, 0.0, 0.1]).with_forces(*ACTING)

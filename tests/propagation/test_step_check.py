@@ -11,6 +11,7 @@ import orbits
 from orbits.propagation.checks.step_check import passage_error, too_long
 from orbits.results.approach import at_least
 
+from ..coverings import cover
 from ..problems import belt
 
 GAUSS, VERLET = orbits.Gauss(stages=8), orbits.StormerVerlet()
@@ -34,8 +35,7 @@ def test_the_error_of_a_passage_falls_with_the_order_of_the_method():
         assert np.log2(coarse / fine) == pytest.approx(order, abs=0.3)
 
 
-@pytest.mark.parametrize("gm", [0.0, 0.01])
-@pytest.mark.parametrize("e", [0.0, 0.5, 0.9])
+@cover(("e", "gm"), [0.0, 0.5, 0.9], [0.0, 0.01], strength=1)
 def test_a_step_that_is_too_long_is_told_before_the_run_with_one_that_would_do(e, gm):
     system = two_bodies(e, f=2.0, gm=gm)
     period = 2 * np.pi / np.sqrt(1 + gm)
@@ -50,8 +50,7 @@ def test_a_step_that_is_too_long_is_told_before_the_run_with_one_that_would_do(e
     assert e == 0.9 or caught(system, VERLET, 2.5 * enough, period)[1] != []
 
 
-@pytest.mark.parametrize("method", [VERLET, GAUSS, orbits.Gauss(stages=2)], ids=lambda m: m.label)
-@pytest.mark.parametrize("e", [0.3, 0.9])
+@cover(("method", "e"), [VERLET, GAUSS, orbits.Gauss(stages=2)], [0.3, 0.9], strength=1)
 def test_the_step_that_is_named_passes_every_phase_of_the_orbit_without_a_report(method, e):
     for M in (0.5, 1.7, 3.0):
         bodies = {"star": {"gm": 1.0}, "planet": {"gm": 0.0, "a": 1.0, "e": e, "M": M}}

@@ -46,8 +46,7 @@ def crossing(phase, nearest):
     return orbits.propagate(met, duration=-3.0 - phase, **FREE)[-1]
 
 
-@pytest.mark.parametrize("given", ["stop", "events"])
-@pytest.mark.parametrize("dt", [None, 0.3])
+@cover(("dt", "given"), [None, 0.3], ["stop", "events"], strength=1)
 def test_a_limit_far_below_a_step_is_not_missed(dt, given):
     rng = np.random.default_rng(3)
     limit = 1e-5
@@ -149,10 +148,15 @@ CIRCLE = orbits.System(
 )
 
 
-@pytest.mark.parametrize("kind", [CloserThan, FartherThan])
-@pytest.mark.parametrize(("method", "dt"), [("gauss", 1 / 16), ("gauss", None), ("wisdom-holman", 1 / 16)])
-def test_rounding_ends_no_run(method, dt, kind):
+@cover(
+    ("how", "kind"),
+    [("gauss", 1 / 16), ("gauss", None), ("wisdom-holman", 1 / 16)],
+    [CloserThan, FartherThan],
+    strength=1,
+)
+def test_rounding_ends_no_run(how, kind):
     """A circle of the radius of the bound is at it all the time; by rounding alone it passes it again and again."""
+    method, dt = how
     assert orbits.propagate(CIRCLE, method, dt=dt, duration=12.0, stop=kind(1.0, "S", "A"), **FREE).complete
 
 

@@ -163,6 +163,7 @@ def test_an_archive_with_a_term_of_a_later_version_says_so():
         from_json(three(), text)
 
 
+@pytest.mark.nightly
 def test_a_certificate_is_measured_on_the_whole_lagrangian():
     certificate = orbits.certify(flattened(three()), orbits.Gauss(stages=4), 0.05)
     names = [finding.name for finding in certificate.findings]

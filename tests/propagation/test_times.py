@@ -14,7 +14,7 @@ import orbits
 from orbits.errors import EpochError, InputError
 from orbits.time_grid import times_since
 
-from ..coverings import each
+from ..coverings import cover, each
 
 EPOCH = "2022-08-09"
 VERLET = orbits.StormerVerlet()
@@ -157,8 +157,7 @@ def test_the_dates_of_one_run_are_the_samples_of_another():
     assert np.abs(three.times - one.times).max() < 6e-12  # half a microsecond, which is what dates are rounded to
 
 
-@pytest.mark.parametrize("method", [VERLET, orbits.Gauss(stages=4)], ids=lambda m: m.label)
-@pytest.mark.parametrize("length", [400.0, -400.0])
+@cover(("method", "length"), [VERLET, orbits.Gauss(stages=4)], [400.0, -400.0], strength=1)
 def test_many_states_at_once_are_bit_for_bit_those_asked_for_one_by_one(method, length):
     run = orbits.propagate(system(), method, dt=7, duration=length, samples=6)
     times = np.random.default_rng(3).permutation(np.append(np.linspace(0, length, 41), run.times))

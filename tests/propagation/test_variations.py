@@ -14,9 +14,9 @@ from orbits.errors import InputError, RetiredWarning, UnknownNameError
 from orbits.integrators import registry
 from orbits.integrators.base import SYMPLECTIC
 from orbits.lagrangians.newtonian import newtonian
+from orbits.marching.legs.within_step import stretches
 from orbits.marching.tangents.of_bodies import Tangents
 from orbits.methods import SABA, LobattoIIIAB
-from orbits.propagation.events.particles import stretches
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import massive_of, particle_of, tangents_of
 from orbits.rebound import to_rebound
@@ -36,8 +36,8 @@ MAPS = [
 ]
 METHODS = [*(m for kind in registry().values() for m in kind.examples() if m.serves(newtonian)), *MAPS]
 HELIOCENTRIC = orbits.WisdomHolman(coordinates="democratic-heliocentric")
-KINDS = [*STANDARD, "RungeKutta4()", HELIOCENTRIC.label]
-"""One method of each kind of tangent maps, and one that is not symplectic."""
+KINDS = [label for label in STANDARD if not label.startswith("Lobatto")]
+"""One method of each kind of tangent maps."""
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences of eighth order
 
 GM = [1.0, 1e-3, 3e-4]
@@ -164,7 +164,7 @@ def test_the_orbit_has_the_same_bits_with_variations_as_without(method, clock):
     np.testing.assert_array_equal(v, run.v.value[-1])
 
 
-@pytest.mark.parametrize("duration", [3.0, 3.02, -2.98])
+@pytest.mark.parametrize("duration", at((1, 2), [3.0, 3.02, -2.98]))
 @pytest.mark.parametrize(
     "method",
     first(1, [orbits.WisdomHolman(), MAPS[0], HELIOCENTRIC, SABA()]),
@@ -202,7 +202,7 @@ def test_the_matrix_of_a_map_holds_for_planets_in_two_registers_and_in_any_order
         assert np.abs(found - by_differences).max() < 2e-12  # seen: 6e-13
 
 
-@pytest.mark.parametrize("method", [orbits.WisdomHolman(), HELIOCENTRIC], ids=["jacobi", "heliocentric"])
+@pytest.mark.parametrize("method", first(1, [orbits.WisdomHolman(), HELIOCENTRIC]), ids=["jacobi", "heliocentric"])
 def test_a_star_alone_moves_freely_in_maps_with_variations(method):
     """Three times, as memory of no planets may lie anywhere, next to any numbers."""
     star = orbits.System(["star"], [1.0], [[0.1, 0.2, -0.3]], [[0.01, -0.02, 0.03]], units=orbits.DIMENSIONLESS)
@@ -277,7 +277,7 @@ RELATIVITY = PostNewtonian(sources=["A"], c=20.0)
 
 @pytest.mark.parametrize(
     ("terms", "method"),
-    at((0, 2), [
+    first(1, [
         ((J2,), VERLET),
         ((J2,), GAUSS),
         ((SPIN,), orbits.Gauss(stages=4)),

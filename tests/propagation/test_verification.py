@@ -17,6 +17,8 @@ from orbits.archive import ArchiveWriter
 from orbits.cli import app
 from orbits.propagation.resuming import sample_store, verification
 
+from ..coverings import cover
+
 BODIES = {
     "star": {"gm": 1.0, "radius": 0.05},
     "a": {"a": 1.0, "e": 0.1, "gm": 1e-6, "radius": 0.05},
@@ -55,8 +57,7 @@ def found_in(checked: orbits.Verification, part: str) -> verification.Finding:
     return next(one for one in checked.findings if one.part == part)
 
 
-@pytest.mark.parametrize("name", RUNS)
-@pytest.mark.parametrize("recompute", ["all", "last"])
+@cover(("name", "recompute"), RUNS, ["all", "last"], strength=1)
 def test_a_good_archive_is_computed_again_to_the_last_bit(
     name: str, recompute: Any, belt: orbits.System, tmp_path: Path, often: None
 ) -> None:

@@ -14,7 +14,7 @@ from orbits.kernels.rotation.planar_spins import cosine_of_turns, sine_of_turns
 from orbits.methods import Composition
 from orbits.spin_orbit import PlanarSpins, planar
 
-from ..coverings import each
+from ..coverings import cover, each
 
 HYPERION = PlanarSpins(eccentricity=0.1, alpha=0.89)
 MERCURY = PlanarSpins(eccentricity=0.20563, asphericity=2.18e-4)
@@ -66,8 +66,7 @@ def test_a_rigid_body_in_the_plane_of_its_orbit_turns_as_the_planar_spin():
 
 
 @pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
-@pytest.mark.parametrize("tides", [0.0, 0.05])
-@pytest.mark.parametrize("order", [2, 4, 6, 8])
+@cover(("tides", "order"), [0.0, 0.05], [2, 4, 6, 8], strength=1)
 def test_a_revolution_converges_with_the_order_of_the_method(order, tides):
     def end(steps, order=order):
         spins = PlanarSpins(eccentricity=0.3, alpha=1.2, tides=tides, order=order, steps=steps)

@@ -31,7 +31,7 @@ OF_A_BODY = (
 
 
 @campaign(
-    120,
+    40,
     3000,
     changes=st.dictionaries(
         st.sampled_from([*GOOD, "epoch", "units", "radii", "softening"]), junk, min_size=1, max_size=2
@@ -43,7 +43,7 @@ def test_any_states_are_a_system_or_refused(changes: dict[str, Any], units: orbi
 
 
 @campaign(
-    120,
+    40,
     3000,
     name=st.just("x") | st.just(["x", "y"]) | junk,
     given=st.dictionaries(st.sampled_from(OF_A_BODY), junk, max_size=4),
@@ -53,7 +53,7 @@ def test_any_body_is_added_or_refused(name: Any, given: dict[str, Any]) -> None:
 
 
 @campaign(
-    60,
+    20,
     2000,
     bodies=st.dictionaries(
         st.sampled_from(["Sun", "p"]) | st.integers() | st.none(),
@@ -106,7 +106,7 @@ USES: dict[str, Callable[[Any], Any]] = {
 }
 
 
-@campaign(40, 1500, x=junk)
+@campaign(15, 1500, x=junk)
 def test_any_argument_is_taken_or_refused(x: Any) -> None:
     for use in USES.values():
         works_or_says_why(lambda use=use: use(x))

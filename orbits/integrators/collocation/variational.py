@@ -52,11 +52,6 @@ class VariationalRungeKutta(Integrator):
         """The canonical form in velocities, for stages that fit into one register."""
         return CanonicalBodies(self.tableau, forces, inner) if self.tableau.stages <= WIDTH else None
 
-    @property
-    def order(self) -> int:
-        """Order of convergence."""
-        return self.tableau.order
-
     def check(self, lagrangian: Lagrangian, others: Callable[[], Mapping[str, type[Integrator]]]) -> None:
         """As for all methods; more than one register of stages needs a separable Lagrangian."""
         if self.canonical is None and SEPARABLE not in lagrangian.traits:

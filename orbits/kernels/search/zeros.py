@@ -1,8 +1,8 @@
 """The search for zeros of functions of the relative motion of pairs of bodies: brackets of them, in recorded steps.
 
-It does in one pass what `orbits.propagation.events.brackets` does with arrays for functions of any kind: a function is
-checked at the begin of each step, at eight nodes and at its end, with its slope by a difference to the right, at the
-end to the left; there is a bracket where it changes its sign, and where its slopes point towards zero.
+It does in one pass what `orbits.propagation.events.search.brackets` does with arrays for functions of any kind: a
+function is checked at the begin of each step, at eight nodes and at its end, with its slope by a difference to the
+right, at the end to the left; there is a bracket where it changes its sign, and where its slopes point towards zero.
 """
 
 from __future__ import annotations

@@ -201,12 +201,6 @@ class Adaptive(ChangingSteps):
             raise InputError(f"tolerance is {shown(tolerance)}; expected {TIGHTEST:g} ... {LOOSEST:g}. {reason}")
         object.__setattr__(self, "tolerance", float(tolerance))
 
-    def towards(self, direction: float) -> Adaptive:
-        """Return this clock for a run in a direction, 1 or -1."""
-        clock = Adaptive(self.tolerance)
-        object.__setattr__(clock, "direction", math.copysign(1.0, direction))
-        return clock
-
     def check(self, integrator: Integrator) -> None:
         """Raise InputError, naming suitable methods, for a method whose steps this clock cannot choose."""
         stages = getattr(integrator, "stages", 0)
@@ -243,10 +237,9 @@ class Adaptive(ChangingSteps):
 
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
-        numbers = np.zeros(NUMBERS + 1)
+        numbers = np.append(super().numbers_for(integrator), 0.0)
         numbers[THETA], numbers[TOLERANCE] = FIRST_THETA, self.tolerance_for(integrator)
         numbers[POWER] = 1.0 / (integrator.stages - 1)
-        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
         return numbers
 
     def array(self, integrator: Any, *, alone: bool, given: bool) -> dict[str, Array]:
@@ -259,7 +252,3 @@ class Adaptive(ChangingSteps):
     def describe(self, integrator: Any) -> str:
         """Return the steps of a method in words."""
         return f"adaptive steps (tolerance {self.tolerance_for(integrator):g})"
-
-    def attribute(self, integrator: Any) -> str:
-        """Return the same for a table's attributes."""
-        return f"adaptive, tolerance {self.tolerance_for(integrator):g}"

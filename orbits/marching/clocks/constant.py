@@ -122,6 +122,12 @@ class Clock:
         """Return what tells a leg that begins at `start` when its steps are."""
         raise NotImplementedError
 
+    def begun_within(self, step: int, time: float) -> tuple[Clock, float, int]:
+        """Return how a march goes on from a time in a step of which the bodies change there, so that later steps are
+        where they would have been: its clock, the time from which it is counted, and the steps of that clock taken.
+        """
+        raise NotImplementedError
+
     def array(self, integrator: Integrator, *, alone: bool, given: bool) -> dict[str, Array]:
         """Return the array of the state of the clock, by its name, that a leg changes and archives have; {} for none.
 
@@ -216,6 +222,11 @@ class ConstantSteps(Clock):
     def step_times(self, start: float) -> GridTimes:
         """Return what tells a leg that begins at `start` when its steps are."""
         return GridTimes(self, start)
+
+    def begun_within(self, step: int, time: float) -> tuple[Clock, float, int]:
+        """Return one step to the end of this one; at the very end of it, the next whole one."""
+        rest = float(self.time(step + 1)) - time
+        return (ConstantSteps(rest), time, 0) if rest * self.direction > 0.0 else (self, 0.0, step + 1)
 
     def time(self, reading: Any) -> Any:
         """Return the duration of a number of steps, which may be fractional or an array."""
@@ -323,6 +334,10 @@ class GridTimes(StepTimes):
     def next_place(self) -> Place:
         """Return the place at the end of the next step."""
         return Place(self.step + 1, 0.0)
+
+    def begin_at(self, time: float) -> None:
+        """Begin at a time since the start of the run."""
+        self.start = time
 
     def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
         """Return a copy after one step of the rest, with a cold start: the carry belongs to steps of this length."""

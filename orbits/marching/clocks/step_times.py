@@ -176,6 +176,10 @@ class StepTimes:
         """Let a leg that ends within the next step of this one, see `way`, begin where this one is."""
         raise NotImplementedError
 
+    def begin_at(self, time: float) -> None:
+        """Begin at a time since the start of the run, before the first step."""
+        raise NotImplementedError
+
     def end_exactly(self) -> None:
         """Let the last step end exactly at the place that is approached: from there the leg cannot go on."""
 

@@ -11,7 +11,6 @@ Source: Hairer, Lubich & Wanner (2006), sec. VIII.2.1; Leimkuhler & Reich (2004)
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -37,7 +36,6 @@ from orbits.marching.clocks.variable_steps import (
     LENGTH,
     LIMIT,
     NEXT,
-    NUMBERS,
     TIME,
     TIME_LO,
     ChangingSteps,
@@ -132,12 +130,6 @@ class TimeTransformed(ChangingSteps):
             )
         object.__setattr__(self, "step", float(step))
 
-    def towards(self, direction: float) -> TimeTransformed:
-        """Return this clock for a run in a direction, 1 or -1."""
-        clock = TimeTransformed(self.step)
-        object.__setattr__(clock, "direction", math.copysign(1.0, direction))
-        return clock
-
     def finer(self, integrator: Any, factor: float) -> TimeTransformed:
         """Return the clock of steps of transformed time of `factor` times this length."""
         return TimeTransformed(factor * self.step).towards(self.direction)
@@ -205,18 +197,13 @@ class TimeTransformed(ChangingSteps):
 
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march."""
-        numbers = np.zeros(NUMBERS)
-        numbers[[STEP, DIRECTION]] = self.step * self.direction, self.direction
-        numbers[LIMIT] = math.copysign(FARTHEST, self.direction)
+        numbers = super().numbers_for(integrator)
+        numbers[STEP] = self.step * self.direction
         return numbers
 
     def describe(self, integrator: Any) -> str:
         """Return the steps of a method in words."""
         return f"steps of {self.step:g} in transformed time"
-
-    def attribute(self, integrator: Any) -> str:
-        """Return the same for a table's attributes."""
-        return f"transformed time, {self.step:g}"
 
 
 class TransformedTimes(ChosenTimes):

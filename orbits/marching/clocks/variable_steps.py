@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -69,13 +70,6 @@ def put_back(room, at, state, carry):
         store(carry, row, load(room, at + WIDTH * row))
 
 
-def ending(checkpoint: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return a checkpoint of a march whose last step is to end at its goal."""
-    clock = checkpoint["clock"].copy()
-    clock[[EXACT, NEXT]] = 1.0, clock[TIME]
-    return {**checkpoint, "clock": clock}
-
-
 def is_number(x: object) -> bool:
     """Return whether x is a real number: not a text, nor True or False."""
     return isinstance(x, int | float | np.floating) and not isinstance(x, bool | str)
@@ -117,20 +111,20 @@ class ChangingSteps(Clock):
         """Return whether the second times do not lie before the first."""
         return bool(((when - steps) * self.direction >= 0.0).all())
 
-    def towards(self, direction: float) -> ChangingSteps:
+    def towards(self, direction: float) -> Self:
         """Return this clock for a run in a direction, 1 or -1."""
-        raise NotImplementedError
+        clock: Self = replace(self)  # type: ignore[type-var]
+        object.__setattr__(clock, "direction", math.copysign(1.0, direction))
+        return clock
 
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
-        raise NotImplementedError
+        numbers = np.zeros(NUMBERS)
+        numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
+        return numbers
 
     def describe(self, integrator: Any) -> str:
         """Return the steps of a method in words, as in: adaptive steps (tolerance 1e-09)."""
-        raise NotImplementedError
-
-    def attribute(self, integrator: Any) -> str:
-        """Return the same for a table's attributes, as in: adaptive, tolerance 1e-09."""
         raise NotImplementedError
 
     def step_times(self, start: float) -> ChosenTimes:
@@ -140,6 +134,10 @@ class ChangingSteps(Clock):
     def array(self, integrator: Any, *, alone: bool, given: bool) -> dict[str, Array]:
         """Return the array of the state of the clock, by its name, that a leg changes and archives have."""
         return {"clock": self.numbers_for(integrator)}
+
+    def begun_within(self, step: int, time: float) -> tuple[Clock, float, int]:
+        """Return the steps that are chosen from there on."""
+        return self, time, step
 
     def room(self, block: int, size: int) -> int:
         """Return the length of the workspace: the times of a block since its beginning, the lengths of its steps, the
@@ -264,7 +262,7 @@ class ChosenTimes(StepTimes):
 
     def next_place(self) -> Place:
         """Return a place that no step reaches."""
-        return Place(0, math.inf * self.clock.direction)
+        return Place(0, self.clock.direction * FARTHEST)
 
     def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
         """Return a copy after the steps that the clock chooses, the last one of which ends at the place."""
@@ -295,7 +293,7 @@ class ChosenTimes(StepTimes):
         """
         copy, direction, counts = leg.stepper.copied(), self.clock.direction, leg.stepper.counts()
         now, count = copy["clock"], 0
-        now[LIMIT] = direction * FARTHEST
+        now[LIMIT] = self.next_place().rest
         begun, ends = {}, np.zeros((1, 2))
         try:
             while not count:
@@ -317,6 +315,10 @@ class ChosenTimes(StepTimes):
         """Let a leg begin from the checkpoint of another, and end exactly."""
         end.restore(leg.checkpoint())
         end.times.end_exactly()
+
+    def begin_at(self, time: float) -> None:
+        """Begin at a time since the start of the run, which the clock reads."""
+        self._now[[TIME, NEXT]] = time
 
     def end_exactly(self) -> None:
         """Let the last step end exactly at the place that is approached: from there the leg cannot go on."""

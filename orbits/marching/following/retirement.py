@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -196,6 +197,18 @@ class Retired:
         which = np.flatnonzero(lost)
         self._known[which, 0], self._known[which, 1] = other._known[which, 0], steps
         self.begin()
+
+    @contextmanager
+    def all_but(self, particle: int) -> Iterator[None]:
+        """A context in which all other particles count as retired, so that a copy is marched with one alone."""
+        known = self._known.copy()
+        self._known[:, 0] = IMPACT
+        self._known[particle] = known[particle]
+        try:
+            yield
+        finally:
+            self._known[...] = known
+            self.begin()
 
     def gone(self) -> NDArray[np.bool_]:
         """Return a mask (m,) of the particles that are retired or were lost in the block just marched."""

@@ -28,7 +28,7 @@ from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.legs.interruptions import LegWatcher
 from orbits.marching.legs.lists_and_bounds import Bounds, Listing, Refusals, energy_bound_of
-from orbits.marching.legs.march import MarchOfSameBodies
+from orbits.marching.legs.march import March
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, record
@@ -45,7 +45,7 @@ def available_threads() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-class Leg(MarchOfSameBodies):
+class Leg(March):
     """A march of fixed bodies: floats in, floats out.
 
     problem : what is marched, and what is asked for along the way
@@ -125,8 +125,10 @@ class Leg(MarchOfSameBodies):
 
     @property
     def home(self) -> Leg:
-        """The leg whose clock the march has: itself."""
+        """The leg itself, whose clock the march has, which marches now, and marched the last block."""
         return self
+
+    leg = last = home
 
     def is_before(self, place: Place) -> bool:
         """Return whether there may be whole steps left before a place."""
@@ -159,6 +161,20 @@ class Leg(MarchOfSameBodies):
     def go_back(self, steps: int) -> None:
         """Return to the state after the first `steps` steps of the last block."""
         self.loop.go_back(steps)
+
+    def begun_within(self, clock: Clock, step: int, time: float) -> tuple[Clock, float, int]:
+        """Return how a march of changed bodies goes on from a time in a step; see `Clock.begun_within`."""
+        return clock.begun_within(step, time)
+
+    def go_on_from(self, old: Any, step: int, time: float) -> None:
+        """Follow a march of bodies that change at a time, with what outlives them: what was retired, and counts.
+
+        step : whole steps taken, of this march
+        """
+        self.losses.go_on_from(self, old.home)
+        self.stepper.take_counts(old.home.stepper)
+        self.times.step = step
+        self.bounds.beware()
 
     # ------------------------------------------------------------------------------------------- what it shows
 

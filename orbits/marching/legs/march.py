@@ -18,34 +18,59 @@ from orbits.marching.legs.samples import Samples
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
-    from orbits.marching.legs.problem import Problem
-    from orbits.marching.legs.record import Record
 
 
 class March(ABC):
     """A march of a run.
 
     clock, step, time : the times of its steps, whole steps taken, and the time reached since the start of the run
+    home : the leg whose clock the march has
+    current : the march of the bodies that are there now; its `leg` marches now, `last` marched the last block
     changed : whether its bodies have changed; ended : the row of the collision that ended it, and the bodies there
-    found : the event that interrupts it before its next collision
-    covers_parts : whether it begins within a step of a map, which it leaves for that
+    found : the event that interrupts it before its next collision, if it seeks events itself
     """
 
     clock: Clock
     changed = False
     ended: Any = None
     found: Any = None
-    covers_parts = False
 
     @property
     @abstractmethod
-    def step(self) -> int:
-        """Whole steps taken."""
+    def step(self) -> int: ...
 
     @property
     @abstractmethod
-    def time(self) -> float:
-        """The time reached, since the start of the run."""
+    def time(self) -> float: ...
+
+    @property
+    @abstractmethod
+    def home(self) -> Leg: ...
+
+    @property
+    def current(self) -> Any:
+        """The march of the bodies that are there now."""
+        return self
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Its states at samples."""
+        return Samples(self)
+
+    @abstractmethod
+    def is_before(self, place: Place) -> bool:
+        """Return whether there may be steps left before a place."""
+
+    @abstractmethod
+    def approach(self, place: Place) -> None:
+        """March on by a block of steps, or by those before a place. Raises what `advance_to` raises."""
+
+    def advance_to(self, place: Place) -> None:
+        """March on by all steps before a place. Raises ConvergenceError or SingularityError; the state is then that
+        before the step that failed.
+        """
+        while self.is_before(place):
+            self.approach(place)
 
     @abstractmethod
     def state(self) -> tuple[Array, Array]:
@@ -54,6 +79,10 @@ class March(ABC):
     @abstractmethod
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) at a time less than a step ahead, without changing the march."""
+
+    @abstractmethod
+    def state_at(self, place: Place) -> tuple[Array, Array]:
+        """Return (q, v) at a place up to which the march has advanced."""
 
     @abstractmethod
     def accounts(self) -> Array:
@@ -66,55 +95,20 @@ class March(ABC):
         by : a time less than a step ahead, up to which particles are followed; None for the time reached
         """
 
-    @abstractmethod
-    def compile(self) -> None:
-        """Compile, or load from the cache, all that `approach` needs."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release the threads."""
-
-    @property
-    @abstractmethod
-    def home(self) -> Leg:
-        """The leg whose clock the march has."""
-
-    @cached_property
-    def samples(self) -> Samples:
-        """Its states at samples."""
-        return Samples(self)
-
-    @property
-    def current(self) -> Any:
-        """The march of the bodies that are there now."""
-        return self
-
     def changes(self) -> Any:
         """Return the changes of its bodies so far; None if they stay the same."""
         return None
+
+    def follow_events(self) -> None:  # noqa: B027
+        """Seek the events of the bodies that are there now, after a change, or in a run that is resumed."""
 
     def excursions(self) -> tuple[NDArray[np.int64], int] | None:
         """Return the excursions from the map, and their number; None if there can be none."""
         return None
 
     @abstractmethod
-    def is_before(self, place: Place) -> bool:
-        """Return whether there may be steps left before a place."""
-
-    @abstractmethod
-    def approach(self, place: Place) -> None:
-        """March on by a block of steps, or by those before a place."""
-
-    def advance_to(self, place: Place) -> None:
-        """March on by all steps before a place. Raises ConvergenceError or SingularityError; the state is then that
-        before the step that failed.
-        """
-        while self.is_before(place):
-            self.approach(place)
-
-    @abstractmethod
-    def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return (q, v) at a place up to which the march has advanced."""
+    def compile(self) -> None:
+        """Compile, or load from the cache, all that `approach` needs."""
 
     @abstractmethod
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
@@ -124,37 +118,6 @@ class March(ABC):
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]]) -> None:
         """Restore a checkpoint."""
 
-
-class MarchOfSameBodies(March):
-    """A march whose bodies stay the same: of one leg, or of two that take turns."""
-
-    problem: Problem
-
-    @property
-    def leg(self) -> Leg:
-        """The leg that marches now."""
-        return self.home
-
-    @property
-    def last(self) -> Leg:
-        """The leg that marched the last block."""
-        return self.home
-
     @abstractmethod
-    def go_back(self, steps: int) -> None:
-        """Return to the state after the first `steps` steps of the last block."""
-
-    def go_on_from(self, old: Any, step: int, time: float) -> None:
-        """Follow a march of bodies that change at a time, with what outlives them: what was retired, and counts.
-
-        step : whole steps taken, of this march
-        """
-        home = self.home
-        home.losses.go_on_from(home, old.home)
-        home.stepper.take_counts(old.home.stepper)
-        home.times.step = step
-        home.bounds.beware()
-
-    @abstractmethod
-    def record(self, end: float) -> Record:
-        """Return what was seen of passages up to a time; see `orbits.marching.legs.record`."""
+    def close(self) -> None:
+        """Release the threads."""

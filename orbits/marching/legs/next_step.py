@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from orbits.marching.legs.march import MarchOfSameBodies
+if TYPE_CHECKING:
+    from orbits.marching.legs.excursions.planet_excursions import Legs
 
 T = TypeVar("T")
 
 
-def step_back(march: MarchOfSameBodies) -> None:
+def step_back(march: Legs) -> None:
     """Return to the state before the last step of the last block, in which a pair may come to its bound."""
     march.last.bounds.beware()
     march.go_back(march.last.loop.taken - 1)
 
 
-def pass_by(march: MarchOfSameBodies) -> None:
+def pass_by(march: Legs) -> None:
     """Let a march take its next step whatever pairs come to their bounds in it."""
     march.leg.bounds.passes = True
 
 
-def take_step(march: MarchOfSameBodies) -> bool:
+def take_step(march: Legs) -> bool:
     """Take the next step, whatever pairs come to their bounds in it; return whether there is one."""
     begun = march.time
     for _ in range(4):  # all bodies may enter a map first, find that they cannot take a step of it, and leave it
@@ -32,7 +33,7 @@ def take_step(march: MarchOfSameBodies) -> bool:
     return False
 
 
-def in_next_steps(march: MarchOfSameBodies, time: float, read: Callable[[], T | None]) -> T | None:
+def in_next_steps(march: Legs, time: float, read: Callable[[], T | None]) -> T | None:
     """Return what a function first returns after one of the next steps, up to that which leads to a time or beyond;
     None if it returns nothing else. The march does not change. Raises what `approach` raises.
     """

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.problem import NO_ENDS, Ends, Problem
+from orbits.marching.stepping.motion import Motion
 
 if TYPE_CHECKING:
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.marching.legs.leg import Leg
 
 States = tuple[Array, Array]
@@ -83,6 +87,19 @@ def towards(leg: Leg, time: float) -> tuple[Leg, Place]:
         end.stepper.state[name][...] = leg.stepper.state[name]
     end.times.end_exactly()
     return end, way.place
+
+
+def stretches(march: Legs, place: Place) -> Iterator[tuple[Motion, bool]]:
+    """Yield the motion up to a place, block by block, and whether each is the last one. Raises what `approach` raises,
+    after the steps before the one that failed.
+    """
+    while march.is_before(place):
+        try:
+            march.approach(place)
+        except IntegrationError:
+            yield march.last.motion(), False
+            raise
+        yield march.last.motion(), not march.is_before(place)
 
 
 def retired_by(leg: Leg, time: float) -> list[Retirement]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.elements.least_distance import Ellipses, come_within, least_distance
+from orbits.elements.moid import Conics, come_within, least_distances
 from orbits.finding import SHOWN
 from orbits.marching.watching.kepler_passages import HILL_RADII, reach
 from orbits.propagation.checks.step_check import in_digits
@@ -39,11 +39,9 @@ class Orbits(NamedTuple):
     along: Array
     across: Array
 
-    def ellipses(self, which: NDArray[np.intp]) -> Ellipses:
-        """Return those at some places of the list, none of which is open, as ellipses."""
-        e, along, across = self.e[which], self.along[which], self.across[which]
-        a = (self.pericentre[which] / (1.0 - e))[:, None]
-        return Ellipses(a * along, a * np.sqrt(1.0 - e**2)[:, None] * across, e)
+    def conics(self, which: NDArray[np.intp]) -> Conics:
+        """Return those at some places of the list."""
+        return Conics(self.pericentre * (1.0 + self.e), self.e, self.along, self.across).some(which)
 
 
 def orbits_of_planets(system: System) -> Orbits:
@@ -77,13 +75,13 @@ def close_pairs(system: System) -> tuple[list[str], int]:
     crossing = np.zeros_like(close)
     bound = np.flatnonzero(~close & (np.maximum(orbits.e[first], orbits.e[second]) < 1.0))
     share = HILL_RADII * np.cbrt(gm[bound] / (3.0 * dominant))
-    crossing[bound] = come_within(orbits.ellipses(first[bound]), orbits.ellipses(second[bound]), share)
+    crossing[bound] = come_within(orbits.conics(first[bound]), orbits.conics(second[bound]), share)
     found = np.flatnonzero(close | crossing)
     shown = found[:SHOWN]
     passing = shown[crossing[shown]]
-    inner, outer = orbits.ellipses(first[passing]), orbits.ellipses(second[passing])
-    gaps = least_distance(inner, outer)[0]
-    gaps[gaps < ROUNDING * np.linalg.norm(inner.along, axis=1)] = 0.0  # they cross
+    inner, outer = orbits.conics(first[passing]), orbits.conics(second[passing])
+    gaps = least_distances(inner, outer)[0]
+    gaps[gaps < ROUNDING * inner.p / (1.0 - inner.e**2)] = 0.0  # they cross
     gap_of, texts = dict(zip(passing.tolist(), gaps.tolist(), strict=True)), []
     for k in shown.tolist():
         names, within = f"{system.names[one[k]]} and {system.names[other[k]]}", f"less than {HILL_RADII:.0f} Hill radii"

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import EventError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOWHERE
-from orbits.marching.clocks import variable_steps as clocks
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.planet_excursions import Legs
+from orbits.marching.legs.leg import Leg
 from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import Collisions, rows_of_change
 from orbits.propagation.marchers import bound
@@ -29,8 +26,7 @@ class BodiesOfRun:
     system : at the start; collisions : those that are sought, or None
     dense : whether motion within steps is recorded; approaches : as in `propagate`
 
-    rows : (k, COLUMNS), the changes so far (see `orbits.trajectory.changes`)
-    bodies : as they are now; there : (n,), which are in the current leg
+    changes : so far; bodies : as they are now; there : (n,), which are in the current leg
     """
 
     def __init__(
@@ -46,19 +42,18 @@ class BodiesOfRun:
         self.system, self.integrator, self.clock, self.collisions = system, integrator, clock, collisions
         self._threads, self._dense, self._approaches = threads, dense, approaches
         self.massive = system.massive
-        self.rows: Array = no_changes()
-        self.bodies: Bodies = self.changes().bodies_after(0)
         self.there = np.ones(len(system), dtype=bool)
         self._leg: System | None = None  # the bodies of this leg, once they are needed
+        self.know(no_changes())
 
-    def changes(self) -> Changes:
-        """Return the changes so far."""
-        return Changes(self.system, self.rows, self.clock.direction)
+    def know(self, rows: Array) -> None:
+        """Take the changes so far, (k, COLUMNS)."""
+        self.changes = Changes(self.system, rows, self.clock.direction)
+        self.bodies: Bodies = self.changes.bodies_after(len(rows))
 
     def note(self, rows: Array) -> None:
         """Take further changes, (k, COLUMNS)."""
-        self.rows = np.concatenate([self.rows, rows])
-        self.bodies = self.changes().bodies_after(len(self.rows))
+        self.know(np.concatenate([self.changes.rows, rows]))
 
     def changed(
         self, kind: str, time: float, q: Array, v: Array, before: System, after: System
@@ -101,59 +96,35 @@ class BodiesOfRun:
         """Return which massive bodies are there, (n,)."""
         return np.asarray(self.massive & self.bodies.present)
 
-    def march(
-        self, q: Array, v: Array, clock: Clock, time: float = 0.0, *, seek: bool = True, copy: bool = False
-    ) -> Legs:
-        """Return a march of the bodies of this leg, of q and v (there, 3), from a time on.
-
-        seek : whether it ends where bodies may touch; copy : whether it is a copy, for few steps, which is not closed
-        """
+    def march(self, q: Array, v: Array, clock: Clock, time: float = 0.0) -> Legs:
+        """Return a march of the bodies of this leg, of q and v (there, 3), from a time on."""
         if self._leg is None:
             self._leg = of_bodies(self.system, self.bodies._replace(present=self.there))
         q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
-        seek = seek and self.collisions is not None
-        radii = self.collisions.sought(self.bodies.radii)[self.there] if seek and self.collisions else None
-        threads = 1 if copy else self._threads
+        radii = None if self.collisions is None else self.collisions.sought(self.bodies.radii)[self.there]
         made = bound(
             self._leg,
             self.integrator,
             clock,
-            threads,
+            self._threads,
             state=(q, v),
-            start=0.0 if clock.changes else time,  # such a clock reads the time since the start of the run
             radii=radii,
             dense=self._dense,
             approaches=self._approaches,
         )
-        if clock.changes and time != 0.0:
-            now = made.checkpoint()
-            now["clock"][[clocks.TIME, clocks.NEXT]] = time
-            made.restore(now)
+        if time != 0.0:
+            made.home.times.begin_at(time)
         return made
-
-    def again(
-        self, march: Legs, checkpoint: Mapping[str, NDArray[Any]] | None = None, *, seek: bool = False
-    ) -> Legs:
-        """Return a copy of a march of this leg, or a march at one of its checkpoints, without a goal."""
-        known = dict(march.checkpoint() if checkpoint is None else checkpoint)
-        if self.clock.changes:
-            known["clock"] = known["clock"].copy()
-            known["clock"][clocks.LIMIT] = np.copysign(clocks.FARTHEST, self.clock.direction)
-        values, there = self.system.values, self.there
-        begun = march.problem.start
-        again = self.march(values.q[there], values.v[there], march.clock, begun, seek=seek, copy=True)
-        again.restore(known)
-        return again
 
     def whole(self, state: tuple[Array, Array], time: float) -> tuple[Array, Array]:
         """Return a state of all bodies of the run, NaN for those that are gone at a time."""
         q, v = np.full((2, len(self.there), 3), np.nan)
         q[self.there], v[self.there] = state
-        gone = ~self.changes().bodies_at(time).present
+        gone = ~self.changes.bodies_at(time).present
         q[gone] = v[gone] = np.nan
         return q, v
 
 
-def state_in_step(start: Legs, time: float) -> tuple[Array, Array]:
+def state_in_step(start: Leg, time: float) -> tuple[Array, Array]:
     """Return (q, v) at a time in the step that begins where a march is."""
-    return within_step.state_at(start.leg, start.leg.times.place_of(time))
+    return within_step.state_at(start, start.times.place_of(time))

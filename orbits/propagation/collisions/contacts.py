@@ -1,13 +1,13 @@
-"""What a chain of legs does where two of its bodies may touch: the step is searched on copies, and the bodies collide.
+"""What a chain of legs does where two of its bodies may touch: the step is searched, and the bodies collide.
 
-A leg ends before such a step. The copies cover it, and those after it up to the next sample; each collision in them
-changes the bodies, ends the run, or is only listed.
+A leg ends before such a step. So it does before a sample within a step, which it takes and takes back, to know what
+collides in it before the sample. Each collision changes the bodies, ends the run, or is only listed.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,50 +15,52 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.kernels.steps import IMPACT
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.legs import within_step
-from orbits.marching.legs.excursions.planet_excursions import Legs
-from orbits.marching.stepping.motion import Motion
+from orbits.marching.legs.leg import Leg
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun, state_in_step
 from orbits.propagation.collisions.impact import Impact, Step, impacts
 from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import Collisions
 from orbits.propagation.events.base import Found
-from orbits.propagation.events.left import Left
-from orbits.propagation.events.particles import stretches
+from orbits.propagation.events.bodies_left import Left
 from orbits.propagation.events.seeking import Seeking
-from orbits.propagation.marchers import bound
 from orbits.trajectory import changes
-from orbits.trajectory.changes import of_bodies
 from orbits.trajectory.events import BODY, OTHER, TIME
 
 Array = NDArray[np.float64]
-Checkpoint = dict[str, NDArray[Any]]
+
+
+class End(NamedTuple):
+    """The end of a step in which bodies may touch: its time, q and v there, and the massless bodies that may."""
+
+    time: float
+    state: tuple[Array, Array]
+    touching: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, leg: Leg) -> End | None:
+        """Return the end of the last step of a leg, or None if no bodies may touch in it."""
+        count = leg.loop.taken
+        if not leg.observers.touched_first_in(count):
+            return None
+        return cls(leg.time, leg.state(), leg.observers.touching(count))
 
 
 class Ahead(NamedTuple):
-    """A step: the marches where it begins and ends, the time at which it ends, and the collisions in it, in the order
-    of time.
+    """The next step of a leg: the time at which it ends, and the collisions in it, in the order of time."""
 
-    passed : the motion in whole steps before it in which no events were sought
-    """
-
-    start: Legs
-    after: Legs
     end: float
     impacts: list[Impact]
-    passed: tuple[Motion, ...] = ()
 
 
 class Outcome(NamedTuple):
     """What interrupts a march at a contact.
 
     found : an event before it, or at it; ended : the row of the collision that ends the run, and the bodies there
-    start, time, state : where another leg begins: the march at the beginning of the step, and the changed bodies
+    time, state : where another leg begins: a time in the next step, and the changed bodies
     """
 
     found: Found | None = None
     ended: tuple[Array, State] | None = None
-    start: Legs | None = None
     time: float = 0.0
     state: State | None = None
 
@@ -75,40 +77,59 @@ class Contacts:
         self._ahead: Ahead | None = None
 
     def forget(self) -> None:
-        """Forget the steps ahead: the march goes on."""
+        """Forget the step ahead: the march goes on."""
         self._ahead = None
 
-    def may_lie_before(self, march: Legs, time: float) -> bool:
-        """Return whether there may be contacts between a march and a time up to which it has taken its steps."""
+    def may_lie_before(self, leg: Leg, time: float) -> bool:
+        """Return whether there may be contacts between a leg and a time up to which it has taken its steps."""
         ahead = self._ahead
-        if not self._is_later(time, march.time):
+        if not self._is_later(time, leg.time):
             return False
         if ahead is None or not self._is_later(ahead.end, time):
             return True
         return any(not self._is_later(x.time, time) and not self._is_known(x) for x in ahead.impacts)
 
-    def before(self, march: Legs, time: float) -> Outcome | None:
-        """Deal with the contacts of the next step ahead of a march, up to a time; return what interrupts it, if any."""
-        ahead = self._ahead
-        if ahead is None:
-            ahead = self._step_after(march, ())
-        elif not self._is_later(ahead.end, time):
-            # Several steps, if they become shorter than the one that the clock tried and did not take.
-            ahead = self._step_after(ahead.after, (*ahead.passed, ahead.after.last.motion()) if self._events else ())
-        self._ahead = ahead
-        return self._first(march, ahead, time)
+    def takes_step_up_to(self, leg: Leg, time: float) -> bool:
+        """Take the next step of a leg, and return whether it leads no further than to a time: it may become shorter
+        than the one that the clock tried and did not take. Otherwise it is taken back; what collides in it is known.
+        """
+        if self._ahead is not None and self._is_later(self._ahead.end, time):
+            return False
+        stepper, retired = leg.stepper, leg.losses.retired
+        kept, counts, known = stepper.copied(), stepper.counts(), retired.table().copy()
+        leg.times.aim(leg.times.next_place())
+        leg.advance(1)
+        reached = leg.time if leg.loop.taken else self._direction * math.inf  # nothing attracts
+        if not self._is_later(reached, time):
+            leg.bounds.passes = False
+            return True
+        end = End.of(leg) if leg.loop.taken else None
+        leg.go_back(0)
+        for name, array in kept.items():  # also of particles that were lost at the beginning of the step
+            stepper.state[name][...] = array
+        retired.take_back(known, leg.step)
+        stepper.evaluations, stepper.particle_evaluations = counts
+        leg.met = None
+        self._ahead = Ahead(reached, [] if end is None else self._impacts(leg, end))
+        return False
 
-    def in_step_after(self, march: Legs) -> Outcome | None:
-        """Deal with the contacts of the next step of a march; return what interrupts it, if any."""
-        ahead = self._step_after(march, ())
-        return self._first(march, ahead, ahead.end)
+    def before(self, leg: Leg, time: float) -> Outcome | None:
+        """Deal with the contacts in the step that was taken back, up to a time; return what interrupts the leg first,
+        if any.
+        """
+        assert self._ahead is not None
+        return self._first(leg, self._ahead.impacts, time)
+
+    def in_step(self, leg: Leg, end: End) -> Outcome | None:
+        """Deal with the contacts of the next step of a leg, which ends there; return what interrupts it, if any."""
+        return self._first(leg, self._impacts(leg, end), end.time)
 
     def follow_events(self) -> None:
         """Seek the events of the bodies that are there now, in a run that is resumed."""
-        of, known = self._of, self._of.changes()
-        of_massive = of.massive[of.rows[:, changes.BODY].astype(int)]
-        for time in (np.unique(of.rows[of_massive, changes.TIME] * self._direction) * self._direction).tolist():
-            bodies = known.bodies_at(time)
+        of, rows = self._of, self._of.changes.rows
+        of_massive = of.massive[rows[:, changes.BODY].astype(int)]
+        for time in (np.unique(rows[of_massive, changes.TIME] * self._direction) * self._direction).tolist():
+            bodies = of.changes.bodies_at(time)
             self._events.go_on_with(Left(bodies, of.massive & ~bodies.present, time))
 
     def _is_later(self, time: float, other: float) -> bool:
@@ -124,30 +145,30 @@ class Contacts:
 
     # --------------------------------------------------------------------------------------------- what happens
 
-    def _first(self, march: Legs, ahead: Ahead, until: float) -> Outcome | None:
-        """Deal with the collisions of a step, up to a time; return what interrupts the march first, if any."""
-        for impact in ahead.impacts:
+    def _first(self, leg: Leg, found: list[Impact], until: float) -> Outcome | None:
+        """Deal with the collisions of a step, up to a time; return what interrupts the leg first, if any."""
+        for impact in found:
             if self._is_later(impact.time, until):
                 return None
             if not self._is_known(impact):
-                outcome = self._collide(march, ahead, impact)
+                outcome = self._collide(leg, impact)
                 if outcome is not None:
                     return outcome
         return None
 
-    def _collide(self, march: Legs, ahead: Ahead, impact: Impact) -> Outcome | None:
-        """Let two bodies collide in a step."""
-        of, start, time = self._of, ahead.start, impact.time
-        q, v = of.whole(state_in_step(start, time), start.time)
+    def _collide(self, leg: Leg, impact: Impact) -> Outcome | None:
+        """Let two bodies collide in the next step of a leg."""
+        of, time = self._of, impact.time
+        q, v = of.whole(state_in_step(leg, time), leg.time)
         before = State(of.bodies.gm, of.bodies.radii, q, v)
         known = self._collisions.events(self._events.log.rows)
         try:
             done = self._collisions.act(of.system, of.bodies, before, impact, known, self._direction)
         except IntegrationError:
-            self._seek_up_to(ahead, time, q, v)
+            self._seek_up_to(leg, time, q, v)
             raise
         changed = len(done.rows) > 0 and done.vanished is None
-        found = self._seek_up_to(ahead, time, q, v) if done.ends or changed else None
+        found = self._seek_up_to(leg, time, q, v) if done.ends or changed else None
         if found is not None:
             return Outcome(found)
         for row in done.found:
@@ -158,98 +179,53 @@ class Contacts:
         if done.vanished is not None:  # massless: nothing else changes by a bit
             numbers = np.cumsum(of.there) - 1
             for body in done.vanished:
-                for home in {march.home, start.home}:
-                    home.losses.retire(home, int(numbers[body]), IMPACT, start.step, time, q[body], v[body])
+                leg.losses.retire(leg, int(numbers[body]), IMPACT, leg.step, time, q[body], v[body])
         if not changed:
             return None
         if self._events:
             left = Left(of.bodies, of.massive & ~of.bodies.present, time)
             found = self._events.go_through(time, (q, v), (done.after.q, done.after.v), left)
-        return Outcome(found, None, start, time, done.after)
+        return Outcome(found, None, time, done.after)
 
-    def _seek_up_to(self, ahead: Ahead, time: float, q: Array, v: Array) -> Found | None:
-        """Seek events up to a collision, in a step; return the first one that interrupts the run, if any.
+    def _seek_up_to(self, leg: Leg, time: float, q: Array, v: Array) -> Found | None:
+        """Seek events up to a collision in the next step; return the first one that interrupts the run, if any.
 
         q, v : of all bodies there, (n, 3)
         """
-        if not self._events:
-            return None
-        for motion in ahead.passed:
-            found = self._events.take(motion)
-            if found is not None:
-                return found
-        self._events.flush()
-        if not self._is_later(time, ahead.start.time):
-            return None
         there = self._of.present_massive()
-        for motion, ends in stretches(*within_step.towards(ahead.start.leg, time)):
-            if ends:
-                motion.end_in(q[there], v[there])
-            found = self._events.search(motion)
-            if found is not None:
-                return found
-        return None
+        return self._events.before(leg, time, record=True, end=(q[there], v[there]))
 
-    # ------------------------------------------------------------------------------------------- the steps ahead
+    # ----------------------------------------------------------------------------------------------- the search
 
-    def _step_after(self, march: Legs, passed: tuple[Motion, ...]) -> Ahead:
-        """Search the next step of a march, on a copy; passed : the motion in those before it."""
-        after = self._of.again(march, seek=True)
-        after.home.advance(1)
-        end = after.time if after.step > march.step else self._direction * math.inf  # nothing attracts
-        return Ahead(march, after, end, self._impacts(march, after) if after.last.met is not None else [], passed)
-
-    def _impacts(self, start: Legs, after: Legs) -> list[Impact]:
-        """Return the collisions in the step between two states of a march, in the order of time."""
+    def _impacts(self, start: Leg, end: End) -> list[Impact]:
+        """Return the collisions in the step from where a leg is to an end, in the order of time."""
         of, collisions, whole = self._of, self._collisions, self._of.whole
-        q, v = whole(start.state(), start.time), whole(after.state(), start.time)
+        q, v = whole(start.state(), start.time), whole(end.state, start.time)
 
         def at(time: float) -> tuple[Array, Array]:
             return whole(state_in_step(start, time), start.time)
 
         massive, radii, order = np.flatnonzero(of.present_massive()), of.bodies.radii, of.integrator.order
-        step = Step(start.time, after.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
-        if not start.clock.changes or of.massive.all():
+        step = Step(start.time, end.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
+        if not start.clock.lets_particles_choose or of.massive.all():
             return impacts(step, radii, collisions.passes, order)
         for x in (*step.before, *step.after):
             x[~of.massive] = np.nan
         found = impacts(step, radii, collisions.passes, order)
         numbers = np.flatnonzero(of.there)
-        for particle in numbers[after.home.observers.touching(after.home.loop.taken)].tolist():
+        for particle in numbers[end.touching].tolist():
             if of.bodies.present[particle]:
                 large = massive[radii[massive] + radii[particle] > 0.0].tolist()
                 pairs = [(min(body, particle), max(body, particle)) for body in large]
                 found += impacts(self._step_of(particle, start, step), radii, collisions.passes, order, pairs)
         return sorted(found, key=lambda x: (x.time * self._direction, x.first, x.second))
 
-    def _step_of(self, particle: int, start: Legs, step: Step) -> Step:
+    def _step_of(self, particle: int, start: Leg, step: Step) -> Step:
         """Return a step of the massive bodies and a massless one, which covers it by steps of its own."""
-        of, values, there = self._of, self._of.system.values, self._of.present_massive()
-        there[particle] = True
-        system = of_bodies(of.system, of.bodies._replace(present=there))
-        march = bound(system, of.integrator, of.clock, 1, state=(values.q[there], values.v[there]))
-        number = int((~of.massive & of.there)[:particle].sum())
-        march.restore(_alone(start.checkpoint(), march.checkpoint(), number))
+        of, number = self._of, int((~self._of.massive & self._of.there)[:particle].sum())
 
         def at(time: float) -> tuple[Array, Array]:
-            q, v = np.full((2, len(there), 3), np.nan)
-            q[there], v[there] = march.state_at(Place(0, time))
-            return q, v
+            with start.losses.retired.all_but(number):
+                return of.whole(start.state_at(Place(0, time)), start.time)
 
         return step._replace(before=at(step.begin), after=at(step.end), at=at)
-
-
-def _alone(checkpoint: Checkpoint, fresh: Checkpoint, particle: int) -> Checkpoint:
-    """Return the checkpoint of a march of several particles as that of a march of one of them among the same bodies.
-
-    fresh : a checkpoint of that march; particle : the number of the one among the particles
-    """
-    out = dict(fresh)
-    for name in ("counts", "q", "q_lo", "v", "v_lo", "memory", "clock"):
-        out[name] = checkpoint[name]
-    for name in ("particle_q", "particle_q_lo", "particle_v", "particle_v_lo"):
-        out[name] = fresh[name].copy()
-        out[name][:, 0] = checkpoint[name][:, particle]
-    for name in ("particle_memory", "particle_clock", "retired"):
-        out[name] = checkpoint[name][particle : particle + 1]
-    return out

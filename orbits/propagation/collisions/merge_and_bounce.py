@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import finite_number
 from orbits.errors import InputError
-from orbits.propagation.events.base import RECORD, STOP, Action, Happening, Sought
+from orbits.propagation.events.base import Action, Happening, Sought
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -75,27 +74,6 @@ class State(NamedTuple):
     radii: Array
     q: Array
     v: Array
-
-
-def again(text: str) -> str | OfTwo:
-    """Return what an archive holds of `then`. Raises InputError for what it cannot hold."""
-    bounce = re.fullmatch(r"Bounce\(restitution=([0-9.e+-]+)\)", text)
-    if bounce:
-        return Bounce(float(bounce[1]))
-    if text == repr(Merge()):
-        return Merge()
-    if text in (RECORD, STOP):
-        return text
-    raise InputError(f"an archive cannot hold what is done then: {text}")
-
-
-def is_held(text: str) -> bool:
-    """Return whether an archive holds all of `then`."""
-    try:
-        again(text)
-    except InputError:
-        return False
-    return True
 
 
 def heavier_first(gm: Array, i: int, j: int) -> tuple[int, int]:

@@ -13,15 +13,12 @@ import numpy as np
 
 from orbits.archive.storage import human
 from orbits.errors import InputError, shown, with_unit
-from orbits.marching.legs.march import March
 from orbits.propagation.control.wall_clock import seconds_of, wall_time_text
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
-    from orbits.integrators.base import Integrator
-    from orbits.system import System
-    from orbits.time_grid import TimeGrid
+    from orbits.propagation.loop import Run
 
 
 @dataclass(frozen=True)
@@ -125,19 +122,10 @@ class Pulse:
 class Beats:
     """The lines about a run that is marched, in place of a progress bar; see `Pulse`."""
 
-    def __init__(
-        self,
-        heartbeat: Heartbeat,
-        system: System,
-        integrator: Integrator,
-        grid: TimeGrid,
-        marcher: March,
-        writer: ArchiveWriter | None,
-    ) -> None:
-        self._pulse = Pulse(heartbeat, system.units.time, grid.end, marcher.time, marcher.step)
-        self._system, self._integrator, self._grid = system, integrator, grid
-        self._marcher, self._writer = marcher, writer
-        self._reached = marcher.time, marcher.step
+    def __init__(self, heartbeat: Heartbeat, run: Run, writer: ArchiveWriter | None) -> None:
+        self._reached = run.marcher.time, run.marcher.step
+        self._pulse = Pulse(heartbeat, run.system.units.time, run.grid.end, *self._reached)
+        self._run, self._writer = run, writer
 
     def update(self, done: float, steps: int) -> None:
         """Give a line if it is time for it, and there were steps since the last time."""
@@ -151,32 +139,34 @@ class Beats:
             self._pulse.beat(*self._reached, self._told(), last=True)
 
     def _told(self) -> Iterator[str]:
-        yield from drift_now(self._system, self._integrator, self._grid, self._marcher)
-        bodies, massless = len(self._system), int(np.count_nonzero(~self._system.massive))
-        lost = len(self._marcher.retired())
+        system, marcher = self._run.system, self._run.marcher
+        yield from drift_now(self._run)
+        bodies, massless = len(system), int(np.count_nonzero(~system.massive))
+        lost = len(marcher.retired())
         if massless:
             yield f"{massless - lost:,} of {massless:,} particles"
-        changes = self._marcher.changes()
+        changes = marcher.changes()
         if changes is not None:
-            there = int((changes.bodies_at(self._marcher.time).present & self._system.massive).sum())
+            there = int((changes.bodies_at(marcher.time).present & system.massive).sum())
             yield f"{there:,} of {bodies - massless:,} massive bodies"
         if self._writer is not None:
             done, size = self._writer.committed, human(self._writer.size)
-            yield f"{done:,} of {len(self._grid):,} samples in {self._writer.path.name}, {size}"
+            yield f"{done:,} of {len(self._run.grid):,} samples in {self._writer.path.name}, {size}"
 
 
-def drift_now(system: System, integrator: Integrator, grid: TimeGrid, marcher: March) -> list[str]:
+def drift_now(marched: Run) -> list[str]:
     """Return the relative changes of energy and angular momentum since the start of a run, as `Trajectory.drift` has
     them at its last sample, in words; nothing for those that are not conserved.
     """
+    marcher = marched.marcher
     q, v = marcher.state()
     run = Trajectory(
-        system,
+        marched.system,
         np.array([marcher.time]),
         q[None],
         v[None],
-        step=grid.clock,
-        integrator=integrator,
+        step=marched.grid.clock,
+        integrator=marched.integrator,
         accounts=marcher.accounts()[None],
     )
     run.changes = marcher.changes()

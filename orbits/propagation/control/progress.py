@@ -39,13 +39,11 @@ class Progress:
         steps: int,
         begun: tuple[float, int] = (0.0, 0),
     ) -> None:
-        self._make: type[_Terminal] | type[_Notebook] | None = None
-        if wanted is not False:
-            self._make = _Notebook if in_notebook() else _Terminal if sys.stderr.isatty() else None
+        self._make = kind_of_bar(wanted)
         self._label, self._total, self._unit, self._steps = label, total, unit, steps
         self._from, self._steps_before = begun
         self._begun, self._compiled = time.perf_counter(), compile_time.seconds()
-        self._bar: _Terminal | _Notebook | None = None
+        self._bar: Terminal | Notebook | None = None
 
     def update(self, done: float, steps: int | None = None) -> None:
         """Report `done` of the total, in units of time, and the steps so far; None where only their rate is known."""
@@ -70,7 +68,14 @@ class Progress:
             self._bar = None
 
 
-class _Terminal:
+def kind_of_bar(wanted: bool | None) -> type[Terminal] | type[Notebook] | None:
+    """Return what draws a bar: True or None for one on terminals and in notebooks; False for none."""
+    if wanted is False:
+        return None
+    return Notebook if in_notebook() else Terminal if sys.stderr.isatty() else None
+
+
+class Terminal:
     """A bar on standard error, by rich; begun : the fraction from which it goes on."""
 
     def __init__(self, label: str, begun: float) -> None:
@@ -104,7 +109,7 @@ class _Terminal:
         self._bar.stop()
 
 
-class _Notebook:
+class Notebook:
     """An HTML bar in the output of a cell, by IPython alone; rich would need ipywidgets there."""
 
     def __init__(self, label: str, begun: float) -> None:

@@ -10,9 +10,8 @@ from astropy import units as u
 
 from orbits.errors import InputError, shown, with_unit
 from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Happening, Sought, Touching
-from orbits.propagation.events.left import Left, bounds_left
+from orbits.propagation.events.bodies_left import Left, bounds_left
 from orbits.propagation.events.stops import stops_of
-from orbits.propagation.events.to_archive import description_of
 from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
@@ -125,10 +124,6 @@ class Asked:
             if why is not None:
                 over[number] = why
         return over
-
-    def described(self) -> str:
-        """Return the events as an archive holds them."""
-        return description_of(self.events, self.of, self.bounds)
 
     def said(self, number: int) -> str:
         """Return what all zeros of a function are called."""

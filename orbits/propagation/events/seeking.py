@@ -13,10 +13,10 @@ from orbits.errors import EventError, InputError, IntegrationError
 from orbits.marching.legs import within_step
 from orbits.marching.legs.next_step import in_next_steps, pass_by, step_back
 from orbits.marching.watching.leg_observers import SUSPECT
-from orbits.propagation.events.along_motion import SAME, MotionSearch
 from orbits.propagation.events.asked import Asked
-from orbits.propagation.events.base import STOP, Found, Sample, Sought
+from orbits.propagation.events.base import STOP, Array, Found, Sample, Sought
 from orbits.propagation.events.log import PARTICLES, padded_rows, rows_of_particles
+from orbits.propagation.events.search.along_motion import SAME, MotionSearch
 from orbits.trajectory.events import NUMBER, TIME, Events, in_order
 
 if TYPE_CHECKING:
@@ -68,10 +68,6 @@ class Seeking(MotionSearch):
         words = [bound.words for bound in self._bounds]
         found = in_order(rows, self._direction) if self.particles else rows[0]
         return Events(self.asked.system, words, found, self.asked.views)
-
-    def described(self) -> str:
-        """Return the events as an archive holds them."""
-        return self.asked.described()
 
     def checkpoint(self) -> dict[str, NDArray[Any]]:
         """Return what is found up to the state that the march has reached, as arrays of fixed shapes."""
@@ -165,19 +161,24 @@ class Seeking(MotionSearch):
             marcher.go_back(found.steps)
         return found
 
-    def before(self, marcher: Legs, time: float, record: bool) -> Found | None:
+    def before(
+        self, marcher: Legs, time: float, record: bool, end: tuple[Array, Array] | None = None
+    ) -> Found | None:
         """Seek events between the state of the march and a time less than a step ahead.
 
         record : whether to record them; otherwise only those up to one that interrupts the run are recorded, if any
+        end : q and v there, (bodies, 3), if the march goes on from there: what is found is then firm
         """
         self.flush()
         if not self or (time - marcher.time) * self._direction <= 0.0:
             return None
-        (rest, goal), found = within_step.towards(marcher.leg, time), None
-        while found is None and rest.is_before(goal):
-            rest.approach(goal)
-            found = self._seek(rest.motion(), False, record)
-        return found
+        for motion, ends in within_step.stretches(*within_step.towards(marcher.leg, time)):
+            if ends and end is not None:
+                motion.end_in(*end)
+            found = self._seek(motion, end is not None, record)
+            if found is not None:
+                return found
+        return None
 
     def ahead(self, marcher: Legs, time: float) -> Found | None:
         """Seek the first event that interrupts the run between the state of the march and a time less than a step

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from os import PathLike
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from orbits.errors import ArchiveError
 from orbits.marching.legs.march import March
+from orbits.propagation.events.archived import sought_again
 from orbits.propagation.events.base import Sample, Sought
-from orbits.propagation.events.from_archive import sought_again
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import restore
@@ -22,7 +22,6 @@ from orbits.trajectory.archived import made_by
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
-    from orbits.propagation.chain_of_legs import ChainOfLegs
 
 
 def taken_up(
@@ -47,8 +46,7 @@ def taken_up(
         checkpoint, committed = place
         restore(marcher, checkpoint, path)
         seeking.restore(checkpoint, marcher.time != 0.0, path)
-        if seeking.touching or seeking.act:
-            cast("ChainOfLegs", marcher).follow_events()
+        marcher.follow_events()
         _check_place(marcher, grid, committed, path)
     return marcher, seeking, accounts
 

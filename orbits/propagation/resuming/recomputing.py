@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, Interrupted, StorageError
-from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.loop import Run, march_into
@@ -71,18 +70,16 @@ def recomputed(
         return None
     first = 0 if place is None else place[1]
     marcher, seeking, accounts = taken_up(archive, grid, place, events, exactly=True, threads=threads)
-    watch = RunEnds(Conditions(()), None, False, seeking, last_sample(archive, first))
-    integrator, begun = made_by(archive)[0], (marcher.time, marcher.step)
+    watch = RunEnds(archive.system, marcher, Conditions(()), None, False, seeking, last_sample(archive, first))
+    integrator, begun = made_by(archive)[0], marcher.step
     run = Run(archive.system, integrator, marcher, grid, first, lambda: None, progress, watch, accounts)
-    unit, steps = archive.system.units.time, grid.whole_steps
-    bar = Progress(progress, label="verifying", total=grid.end, unit=unit, steps=steps, begun=begun)
     comparing = _Comparing(archive, first)
     with StopRequest() as stop:
-        march_into(run, comparing, stop, bar)
+        march_into(run, comparing, stop, run.bar("verifying"))
     if stop.name:
         raise Interrupted(f"stopped by {stop.name}; not all of {archive.path} was computed again.")
     found = comparing.found
-    found.steps = marcher.step - begun[1]
+    found.steps = marcher.step - begun
     if int(comparing.last["counts"][0]) == int(last["counts"][0]):
         found.checkpoint = _same_state(comparing.last, last)
     return found

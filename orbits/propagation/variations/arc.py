@@ -22,7 +22,6 @@ from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.legs import within_step
 from orbits.marching.stepping.motion import Motion
 from orbits.marching.tangents.of_bodies import Tangents
-from orbits.propagation.events.particles import stretches
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.following import particle_of
 from orbits.system import System
@@ -115,7 +114,7 @@ class Arc:
         """Yield the motion to the last of these times, block by block."""
         state = self._moved(system, start)
         march = bound(system, METHOD, Adaptive().towards(sign), threads=1, state=state, dense=True, approaches=False)
-        for motion, _ in stretches(*within_step.towards(march.leg, sign * float(np.abs(times).max()))):
+        for motion, _ in within_step.stretches(*within_step.towards(march.leg, sign * float(np.abs(times).max()))):
             yield motion
 
     def _moved(self, system: System, start: Array) -> tuple[Array, Array]:

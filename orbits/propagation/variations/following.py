@@ -19,7 +19,7 @@ from orbits.marching.stepping.choice_of_form import form_of_bodies
 from orbits.marching.stepping.pool import Pool
 from orbits.marching.tangents.in_maps import MapTangents, require_map_tangents
 from orbits.marching.tangents.of_bodies import Tangents, require_tangents
-from orbits.propagation.events.particles import stretches, with_light
+from orbits.propagation.events.search.of_particles import with_light
 from orbits.propagation.marchers import bound
 from orbits.propagation.variations.slopes import slopes_of
 from orbits.system import System
@@ -159,13 +159,13 @@ def at_samples(
     march = bound(followed.system, integrator, grid.clock, threads=1, dense=True)
     for sample, time in enumerate(grid.times.tolist()):
         place = grid.place(sample)
-        for motion, _ in stretches(march, place):
+        for motion, _ in within_step.stretches(march, place):
             tangents.follow(motion)
         if not exactly or (march.time == time if grid.clock.changes else place.rest == 0.0):
             yield tangents, march.time
             continue
         part = tangents.branched()
-        for motion, _ in stretches(*within_step.towards(march.leg, time)):
+        for motion, _ in within_step.stretches(*within_step.towards(march.leg, time)):
             part.follow(motion)
         yield part, time
 

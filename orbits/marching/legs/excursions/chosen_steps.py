@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError
 from orbits.kernels.steps import NEAR_A_PLANET
-from orbits.marching.clocks import variable_steps
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
@@ -168,7 +167,7 @@ class ChosenSteps:
             state[name][...] = seen[name]
         for name, array in self._fresh.items():
             state[name][...] = array
-        state["clock"][[variable_steps.TIME, variable_steps.NEXT]] = time
+        leg.times.begin_at(time)
         leg.losses.retired.follow(home.losses.retired)
         leg.times.step = home.times.step
         leg.bounds.beware(FIRST_BLOCK)

@@ -21,18 +21,19 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
+from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.chosen_steps import FIRST_BLOCK, NOT_YET, ChosenSteps
 from orbits.marching.legs.excursions.planet_encounters import NOBODY, Encounter, Leaves, Rules
 from orbits.marching.legs.leg import Leg
-from orbits.marching.legs.march import MarchOfSameBodies
+from orbits.marching.legs.march import March
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, joined, seen_by
 
 
-class PlanetExcursions(MarchOfSameBodies):
+class PlanetExcursions(March):
     """A march of constant steps by a map on Kepler orbits, which all bodies leave for encounters of massive ones.
 
     It is two legs, of which `home` is that of the map: what it shows is that of the leg of chosen steps while all
@@ -40,8 +41,6 @@ class PlanetExcursions(MarchOfSameBodies):
 
     problem, q, v : see `Leg`
     """
-
-    covers_parts = True
 
     def __init__(self, problem: Problem, q: Array, v: Array) -> None:
         self.problem, self.clock, self._leaves = problem, problem.clock, Leaves()
@@ -158,9 +157,13 @@ class PlanetExcursions(MarchOfSameBodies):
         else:
             self._chosen.go_back(steps)
 
+    def begun_within(self, clock: Clock, step: int, time: float) -> tuple[Clock, float, int]:
+        """Return how a march of changed bodies goes on from a time in a step: by chosen steps for the rest of it."""
+        return clock, 0.0, step
+
     def go_on_from(self, old: Any, step: int, time: float) -> None:
         """Follow a march of bodies that change at a time in the step after `step` ones."""
-        super().go_on_from(old, step, time)
+        self._map.go_on_from(old, step, time)
         self._chosen.go_on_from(old._chosen, time)
 
     def _settle(self, place: Place) -> None:

@@ -18,13 +18,11 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.encounters import FOLLOW
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.legs import within_step
-from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.stepping.motion import Motion
-from orbits.propagation.events.along_motion import MotionSearch
 from orbits.propagation.events.base import Found, Sample
+from orbits.propagation.events.search.along_motion import MotionSearch
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import bound
 from orbits.system import System
@@ -157,27 +155,14 @@ class ParticleSearches:
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
         if clock.changes:  # a march then counts its time from its begin
-            yield from stretches(*within_step.towards(march.leg, time - begun.time))
+            yield from within_step.stretches(*within_step.towards(march.leg, time - begun.time))
             return
         place = self._clock.place(time - begun.time)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
-        for motion, ends in stretches(march, place):
+        for motion, ends in within_step.stretches(march, place):
             yield motion, ends and not rest
         if rest:
-            yield from stretches(*within_step.towards(march.leg, time))
-
-
-def stretches(march: Legs, place: Place) -> Iterator[tuple[Motion, bool]]:
-    """Yield the motion up to a place, block by block, and whether each is the last one. Raises what `approach` raises,
-    after the steps before the one that failed.
-    """
-    while march.is_before(place):
-        try:
-            march.approach(place)
-        except IntegrationError:
-            yield march.last.motion(), False
-            raise
-        yield march.last.motion(), not march.is_before(place)
+            yield from within_step.stretches(*within_step.towards(march.leg, time))
 
 
 def with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 
 from orbits.marching.roots import newton
 from orbits.propagation.events.base import Array, Bound, Whole
-from orbits.propagation.events.brackets import APART, Brackets, NotFiniteError, Stretch, brackets_of, check_finite
+from orbits.propagation.events.search.brackets import (
+    APART,
+    Brackets,
+    NotFiniteError,
+    Stretch,
+    brackets_of,
+    check_finite,
+)
 
 ROUGHLY = 1e-8
 """How close an extremum is found, as a fraction of a step, whose value is then known to the square of that; and a zero

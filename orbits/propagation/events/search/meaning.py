@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.propagation.events.base import Array, Bound, Whole
-from orbits.propagation.events.search import Zeros
+from orbits.propagation.events.search.zeros import Zeros
 from orbits.trajectory.events import BODY, OTHER, TIME
 
 SHIFT = 1e-9

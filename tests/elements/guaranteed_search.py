@@ -1,4 +1,4 @@
-"""The least distance of two ellipses about one focus: the minimum orbit intersection distance, MOID.
+"""The least distance of two ellipses about one focus by a search that cannot miss it, as a reference.
 
 Its square is a trigonometric polynomial in the eccentric anomalies u and v of the two, with third derivatives below a
 bound that is known beforehand. All (u, v) are divided into boxes. Nowhere in a box is the function below its expansion
@@ -34,9 +34,6 @@ NEWTON_STEPS = 16
 DAMPING = 0.5
 """What Newton's method adds to the curvatures at first, as a multiple of the slope."""
 
-AT_ONCE = 256
-"""Pairs that are searched together: more take more memory, and are no faster."""
-
 Rows = NDArray[np.intp]
 
 
@@ -68,26 +65,24 @@ class Ellipses(NamedTuple):
 
 
 class _Pairs(NamedTuple):
-    """Pairs of ellipses and the function that is minimized, |Q - q|^2 - share |q|^2 for q on one and Q on the other."""
+    """Pairs of ellipses; what is minimized is |Q - q|^2 for q on one and Q on the other."""
 
     one: Ellipses
     other: Ellipses
-    share: Floats
 
     def some(self, rows: Rows) -> _Pairs:
-        return _Pairs(self.one.some(rows), self.other.some(rows), self.share[rows])
+        return _Pairs(self.one.some(rows), self.other.some(rows))
 
     def expanded(self, u: Floats, v: Floats) -> _Expansion:
         """Return the expansion about a point of each pair, (n,) each."""
         q, q_u, q_uu = self.one.with_derivatives(u)
         Q, Q_v, Q_vv = self.other.with_derivatives(v)
         apart = Q - q
-        pull = apart + self.share[:, None] * q  # minus half the derivative by q
         return _Expansion(
-            _dot(apart, apart) - self.share * _dot(q, q),
-            -2.0 * _dot(pull, q_u),
+            _dot(apart, apart),
+            -2.0 * _dot(apart, q_u),
             2.0 * _dot(apart, Q_v),
-            2.0 * ((1.0 - self.share) * _dot(q_u, q_u) - _dot(pull, q_uu)),
+            2.0 * (_dot(q_u, q_u) - _dot(apart, q_uu)),
             -2.0 * _dot(q_u, Q_v),
             2.0 * (_dot(Q_v, Q_v) + _dot(apart, Q_vv)),
         )
@@ -96,7 +91,7 @@ class _Pairs(NamedTuple):
         """Return the most that the expansion leaves within 1 in u and v; it grows as the cube of that width."""
         (a, e), (b, f) = ((np.linalg.norm(each.along, axis=1), each.e) for each in (self.one, self.other))
         mixed = a * b * (16.0 + 2.0 * (e + f))  # of -2 q.Q: |q| is at most a (1 + e), its derivatives at most a
-        own = np.abs(1.0 - self.share) * a**2 * (2.0 * e + 4.0 * e**2) + b**2 * (2.0 * f + 4.0 * f**2)
+        own = a**2 * (2.0 * e + 4.0 * e**2) + b**2 * (2.0 * f + 4.0 * f**2)
         most: Floats = (mixed + own) / 6.0
         return most
 
@@ -124,38 +119,13 @@ def least_distance(one: Ellipses, other: Ellipses) -> tuple[Floats, Floats, Floa
     Returns (distance, E on one, E on the other), (n,) each; one place of several. A distance is that of two points in
     floats: off by 1e-16 of the larger semi-major axis, and by at most 1e-12 of it where ellipses touch from within.
     """
-    found = [_minimized(pairs, math.inf)[1:] for pairs in _parts(one, other, np.zeros(len(one.e)))]
-    u, v = np.mod(np.concatenate(found, axis=1), 2.0 * math.pi) if found else np.empty((2, 0))
+    u, v = np.mod(_minimized(_Pairs(one, other))[1:], 2.0 * math.pi)
     return np.linalg.norm(other.at(v) - one.at(u), axis=1), u, v
 
 
-def come_within(one: Ellipses, other: Ellipses, share: Floats) -> NDArray[np.bool_]:
-    """Return of each pair whether a point of the first ellipse is nearer to the second than a share of its own distance
-    from the focus.
-
-    one, other : n ellipses each, about the same focus and in the same unit of length
-    share : (n,), >= 0
-    """
-    near, far, near_other, far_other = (
-        np.linalg.norm(each.along, axis=1) * (1.0 + side * each.e) for each in (one, other) for side in (-1.0, 1.0)
-    )
-    within: NDArray[np.bool_] = (near_other < (1.0 + share) * far) & (far_other > (1.0 - share) * near)
-    rows = np.flatnonzero(within)
-    parts = _parts(one.some(rows), other.some(rows), share[rows] ** 2)
-    within[rows] = [least < 0.0 for pairs in parts for least in _minimized(pairs, 0.0)[0]]
-    return within
-
-
-def _parts(one: Ellipses, other: Ellipses, share: Floats) -> list[_Pairs]:
-    pairs, n = _Pairs(one, other, share), len(share)
-    return [pairs.some(np.arange(k, min(k + AT_ONCE, n))) for k in range(0, n, AT_ONCE)]
-
-
-def _minimized(pairs: _Pairs, level: float) -> Floats:
-    """Return the minimum of each pair's function, its u and its v, (3, n). With a finite `level`, only whether it is
-    below that is known of the values, and nothing of the places.
-    """
-    n, width, remainder = len(pairs.share), math.pi / DIVISIONS, pairs.remainder()
+def _minimized(pairs: _Pairs) -> Floats:
+    """Return the minimum of each pair's function, its u and its v, (3, n)."""
+    n, width, remainder = len(pairs.one.e), math.pi / DIVISIONS, pairs.remainder()
     centres = (2.0 * np.arange(DIVISIONS) + 1.0) * width
     pair = np.repeat(np.arange(n), DIVISIONS**2)
     u, v = np.tile(np.repeat(centres, DIVISIONS), n), np.tile(centres, n * DIVISIONS)
@@ -169,12 +139,8 @@ def _minimized(pairs: _Pairs, level: float) -> Floats:
         f = pairs.some(pair).expanded(u, v)
         np.minimum.at(least, pair, f.value)
         below = width * (np.abs(f.u) + np.abs(f.v)) - width**2 * np.minimum(f.least_curvature(), 0.0)
-        left = f.value - below - width**3 * remainder[pair] <= np.minimum(least, level)[pair]
-        if math.isfinite(level):
-            left &= least[pair] >= level
+        left = f.value - below - width**3 * remainder[pair] <= least[pair]
         pair, u, v = pair[left], u[left], v[left]
-        if not len(pair):
-            break
     found = np.array([least, np.zeros(n), np.zeros(n)])
     reached = np.array(_descended(pairs.some(pair), u, v))
     order = np.lexsort((reached[0], pair))
@@ -187,7 +153,7 @@ def _descended(pairs: _Pairs, u: Floats, v: Floats) -> tuple[Floats, Floats, Flo
     """Return the value at the minimum next to (u, v), and where that is, by Newton's method with damping."""
     damping = np.full(len(u), DAMPING)
     f = pairs.expanded(u, v)
-    for _ in range(NEWTON_STEPS if len(u) else 0):
+    for _ in range(NEWTON_STEPS):
         # As much more curvature as makes it positive, and more where the slope is large; the last
         # term is above what rounding takes away.
         more = np.maximum(-2.0 * f.least_curvature(), 0.0) + damping * np.hypot(f.u, f.v) + 1e-15 * (f.uu + f.vv)

@@ -11,12 +11,12 @@ from orbits.errors import EventError
 from orbits.marching.stepping.motion import Collected, Motion
 from orbits.propagation.events.asked import Asked
 from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Whole
-from orbits.propagation.events.brackets import NotFiniteError, Stretch
+from orbits.propagation.events.bodies_left import Left, sides_of
 from orbits.propagation.events.functions import Raised
-from orbits.propagation.events.left import Left, sides_of
 from orbits.propagation.events.log import Log
-from orbits.propagation.events.meaning import are_clear, in_every_step, in_rapid_succession
-from orbits.propagation.events.search import Zeros, zeros_of
+from orbits.propagation.events.search.brackets import NotFiniteError, Stretch
+from orbits.propagation.events.search.meaning import are_clear, in_every_step, in_rapid_succession
+from orbits.propagation.events.search.zeros import Zeros, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME
 
 STEPS, NUMBERS = 4096, 1 << 22
@@ -149,11 +149,6 @@ class MotionSearch:
             if len(motion) >= self._enough or not self._collected.takes(motion):
                 self._seek(motion, True)
         return None
-
-    def search(self, motion: Motion) -> Found | None:
-        """Seek events in the next stretch of the march at once; as `take`."""
-        self.flush()
-        return self._seek(motion, True)
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
