@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from orbits.checks import is_one_of
 from orbits.errors import InputError, UnknownNameError, shown
-from orbits.system.solar.building import APART, relativistic_terms, with_all
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -34,6 +33,7 @@ def modelled(cls: type[System], model: str, epoch: Time, bodies: Sequence[str] |
     bodies : as in `System.solar_system`, with Earth and Moon apart; for "full" only None
     """
     from orbits.system.new_bodies import from_ephemeris
+    from orbits.system.solar.building import APART, relativistic_terms, with_all
     from orbits.units import SOLAR
 
     if model == FULL and bodies is not None:
