@@ -99,9 +99,10 @@ class DiscreteLagrangian(ABC):
     def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
         """Return (L_d, D1, D2); the arguments are already checked."""
 
-    @abstractmethod
     def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
-        """Return (D1D1, D1D2, D2D2); the arguments are already checked."""
+        """Return (D1D1, D1D2, D2D2); the arguments are already checked. A class has this or `_jet`."""
+        jet = self._jet(q0, q1, h, t)
+        return jet.d11, jet.d12, jet.d22
 
     def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
         return Jet(*self._first(q0, q1, h, t), *self._second(q0, q1, h, t))

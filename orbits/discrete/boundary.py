@@ -151,9 +151,5 @@ class OfSteps(DiscreteLagrangian):
         jets = self._jets(q0, q1, h, t)
         return float(sum(jet.value for jet in jets)), jets[0].d1, jets[-1].d2
 
-    def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
-        jet = self._jet(q0, q1, h, t)
-        return jet.d11, jet.d12, jet.d22
-
     def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
         return joined(self._jets(q0, q1, h, t))

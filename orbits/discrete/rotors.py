@@ -50,10 +50,6 @@ class OfRotors(DiscreteLagrangian):
         jet = self._jet(q0, q1, h, t)
         return jet.value, jet.d1, jet.d2
 
-    def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
-        jet = self._jet(q0, q1, h, t)
-        return jet.d11, jet.d12, jet.d22
-
     def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
         L, d = self.lagrangian, self.lagrangian.dimension
         value, d1, d2 = 0.0, np.zeros(d), np.zeros(d)

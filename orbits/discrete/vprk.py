@@ -78,10 +78,6 @@ class Vprk(DiscreteLagrangian):
         stages = self._stages(q0, (q1 - q0) / h, h, t, V, p, second=False)
         return h * float(self.b @ stages.L), -p, p + h * (self.b @ stages.F)
 
-    def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
-        jet = self._jet(q0, q1, h, t)
-        return jet.d11, jet.d12, jet.d22
-
     def _jet(self, q0: Array, q1: Array, h: float, t: float) -> Jet:
         V, p = self._solved(q0, q1, h, t)
         s, d = V.shape

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import InputError
-from orbits.json_text import json_text
+from orbits.json_text import json_text, plain
 from orbits.regression.summary import summarize
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ class Report:
             "rows": [self._row_record(row) for row in self.rows],
             "times": self.times.tolist(),
         }
-        text = json_text(_finite(record), ensure_ascii=False, allow_nan=False)
+        text = json_text(plain(record, "reports"), ensure_ascii=False, allow_nan=False)
         if path is not None:
             _writable(path, lambda: Path(path).write_text(text + "\n", encoding="utf-8"))
         return text
@@ -196,16 +196,6 @@ class Report:
         target = Path(path)
         _writable(path, lambda: draw(self, target))
         return target
-
-
-def _finite(x: Any) -> Any:
-    if isinstance(x, float):
-        return x if math.isfinite(x) else None
-    if isinstance(x, Mapping):
-        return {str(k): _finite(v) for k, v in x.items()}
-    if isinstance(x, list | tuple):
-        return [_finite(v) for v in x]
-    return x
 
 
 def _writable(path: str | Path, write: Callable[[], object]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from orbits.errors import InputError, OrbitsError, counted, shown, with_unit
+from orbits.json_text import json_text, plain
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
 from orbits.scenario.files import replaceable, results_folder, write_text
 from orbits.scenario.loading import located
@@ -166,8 +166,6 @@ def _parts(scenario: Scenario, name: str, system: System, grid: TimeGrid, folder
 
 def to_json(outcome: Outcome | StudyOutcome) -> str:
     """Return an outcome as JSON text."""
-    from orbits.json_text import json_text
-
     return json_text(to_record(outcome))
 
 
@@ -187,7 +185,7 @@ def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
     if isinstance(outcome, StudyOutcome):
         result = outcome.result
         tables = [{"title": t.title, "columns": t.columns, "rows": t.rows} for t in result.tables]
-        return {**record, "tables": _plain(tables), "record": _plain(result.record)}
+        return {**record, **plain({"tables": tables, "record": result.record}, "a study's tables and record")}
     cases = {
         name: {
             "runs": {label: _run_record(run) for label, run in case.runs.items()},
@@ -225,24 +223,6 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
     if parts is not None:
         parts.remove()
     return outcome
-
-
-def _plain(value: Any) -> Any:
-    """Return a study's values for JSON: NumPy's converted to Python's, null for numbers that are not finite.
-
-    Raises InputError for values that JSON cannot represent.
-    """
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    raise InputError(f"a study's tables and record hold text, numbers, lists and mappings; got {shown(value)}.")
 
 
 def _require_checks(name: str, checks: Sequence[Any]) -> None:
