@@ -192,9 +192,9 @@ def test_every_flyby_of_a_body_is_listed_and_the_revolutions_of_its_moon_are_not
     }
     system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
     system = system.add("moon", primary="planet", a=0.005, e=0.1)
-    run = orbits.propagate(system, GAUSS, dt=0.002, duration=400.0, samples=9)
+    run = orbits.propagate(system, GAUSS, dt=0.005, duration=400.0, samples=9)
     passages = [p for p in run.closest_approaches() if {p.body, p.other} == {"stone", "planet"}]
-    dense = orbits.propagate(system, GAUSS, dt=0.002, duration=400.0, samples=10_001)
+    dense = orbits.propagate(system, GAUSS, dt=0.005, duration=400.0, samples=10_001)
     d = np.linalg.norm(dense["stone"].q - dense["planet"].q, axis=1).value
     minima = [d[k] for k in range(1, len(d) - 1) if d[k - 1] > d[k] <= d[k + 1] and d[k] < 0.0966]
     assert len(passages) == len(minima) > 3

@@ -129,7 +129,7 @@ def test_samples_blocks_and_threads_change_no_bit():
         assert np.array_equal(one.work, other.work[::30])
 
 
-@pytest.mark.parametrize("particles", at((1,), [{}, GRAINS]), ids=["bodies", "particles"])
+@pytest.mark.parametrize("particles", first(1, [{}, GRAINS]), ids=["bodies", "particles"])
 def test_an_interrupted_run_is_resumed_to_the_same_bits(tmp_path, particles):
     start, path, seen = lit(three(**particles), "inner", *particles), tmp_path / "run.h5", []
     whole = propagate(start, 8.0, samples=41)
