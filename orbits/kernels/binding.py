@@ -110,20 +110,17 @@ def other_terms(typingctx, tags):
     return SumType(tags.terms[1:])(tags), lambda context, builder, signature, arguments: context.get_dummy_value()
 
 
-def adding(name, instead=None, optional=False, only=None):
+def adding(name, instead=None, optional=False):
     """Return a function that calls the kernel of that name of each term of a sum; the kernels add to their last
     arguments.
 
     instead : the name of the kernel to call of terms without such a one; optional : whether these add nothing
-    only : tells from the Numba type of a term whether it is called at all
     The kernels' arguments are the strengths of the bodies (the first term's parameters), the term's own, and the rest.
     """
 
     @verb
     def each(tags, strength, parameters, *rest):
         compiled = kernel_of(tags.terms[0], name) or kernel_of(tags.terms[0], instead)
-        if only is not None and not only(tags.terms[0]):
-            compiled = None
         if compiled is None and optional:
             if len(tags.terms) == 1:
                 return lambda tags, strength, parameters, *rest: None

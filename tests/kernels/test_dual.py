@@ -3,8 +3,8 @@
 import numpy as np
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import exact_sub, fma, get, maximum, minimum, put, rint, rsqrt_cubed, select, sqrt
-from orbits.kernels.lanes.dual import duals
+from orbits.kernels.lanes import WIDTH, exact_sub, fma, get, maximum, minimum, put, rint, rsqrt_cubed, select, sqrt
+from orbits.kernels.lanes.dual import NUMBERS, duals
 from orbits.kernels.lanes.functions import (
     acos,
     asin,
@@ -41,6 +41,11 @@ def on_duals(own, q, out):
     functions(duals(own), duals(q), duals(out))
 
 
+def dual_numbers(x):
+    """Return numbers without derivatives as rows of an array."""
+    return np.pad(np.array(x)[:, None], ((0, 0), (0, NUMBERS - 1)))
+
+
 def values(x):
     out = np.zeros(9)
     functions(x[:3], x[3:], out)
@@ -50,22 +55,25 @@ def values(x):
 def test_each_function_has_its_derivative_by_variables_and_by_constants():
     """Against differences of eighth order, whose error is 1e-12 here."""
     x = np.array([0.3, 8.0, 0.7, 0.4, 0.8])
-    for k in (0, 2, 3, 4):
-        moved = x.astype(complex)
-        moved[k] += 1j
-        out = np.zeros(9, complex)
-        on_duals(moved[:3], moved[3:], out)
-        assert np.abs(out.real - values(x)).max() < 4e-16 * 8
+    moved = dual_numbers(x)
+    for lane, k in enumerate((0, 2, 3, 4)):
+        moved[k, WIDTH + lane] = 1.0
+    out = np.zeros((9, NUMBERS))
+    on_duals(moved[:3], moved[3:], out)
+    assert np.abs(out[:, 0] - values(x)).max() < 4e-16 * 8
+    assert not out[:, WIDTH + 4 :].any()
+    for lane, k in enumerate((0, 2, 3, 4)):
         h, unit = 2e-3, np.eye(5)[k]
         weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
         truth = sum(w * (values(x + m * h * unit) - values(x - m * h * unit)) for m, w in weights.items()) / h
-        assert np.abs(out.imag - truth).max() < 1e-11, k
+        assert np.abs(out[:, WIDTH + lane] - truth).max() < 1e-11, k
 
 
 def test_a_number_that_is_0_but_about_to_change_is_not_0():
-    own, q, out = np.array([0.3, 8.0, 1j]), np.array([0.4, 0.8], complex), np.zeros(9, complex)
+    own, q, out = dual_numbers([0.3, 8.0, 0.0]), dual_numbers([0.4, 0.8]), np.zeros((9, NUMBERS))
+    own[2, WIDTH + 5] = 1.0
     on_duals(own, q, out)
-    assert out[8] == 1j
+    assert out[8, [0, *range(WIDTH, NUMBERS)]].tolist() == own[2, [0, *range(WIDTH, NUMBERS)]].tolist()
 
 
 @kernel
@@ -83,6 +91,8 @@ def duals_at_the_edges(q, out):
 
 
 def test_what_does_not_change_has_a_derivative_where_functions_have_none():
-    out = np.zeros(4, complex)
-    duals_at_the_edges(np.array([1j, 2.0 + 1j, 1.0, 0.0]), out)  # x = 0 and y = 2 change, 1 and 0 do not
-    np.testing.assert_allclose(out.imag, [0.0, 0.0, 1.0, 2.0], rtol=0, atol=1e-15)
+    q, out = dual_numbers([0.0, 2.0, 1.0, 0.0]), np.zeros((4, NUMBERS))
+    q[:2, WIDTH] = 1.0  # x = 0 and y = 2 change, 1 and 0 do not
+    duals_at_the_edges(q, out)
+    np.testing.assert_allclose(out[:, WIDTH], [0.0, 0.0, 1.0, 2.0], rtol=0, atol=1e-15)
+    assert not out[:, WIDTH + 1 :].any()

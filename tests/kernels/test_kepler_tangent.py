@@ -6,7 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from orbits.kernels.tangents.of_kepler_flow import flow_matrix
+from orbits.kernels.compile import kernel
+from orbits.kernels.tangents.of_kepler_flow import flow_change, flow_of
 
 from ..coverings import at
 
@@ -56,6 +57,22 @@ def flow(start, dt):
     r = r0 + eta * G1 + zeta * G2
     f, g, df, dg = 1 - G2 / r0, dt - G3, -G1 / (r0 * r), 1 - G2 / r
     return [f * a + g * b for a, b in zip(x, v, strict=True)] + [df * a + dg * b for a, b in zip(x, v, strict=True)]
+
+
+@kernel
+def flow_matrix(x, v, gm, dt, increments, out):
+    """Write the derivative of a step of Kepler's flow by its start, (6, 6).
+
+    x, v : (3,); increments : (6,), of the step
+    """
+    d = increments
+    flow = flow_of((x[0], x[1], x[2]), (v[0], v[1], v[2]), gm, dt, (d[0], d[1], d[2]), (d[3], d[4], d[5]))
+    for k in range(6):
+        for i in range(6):
+            out[i, k] = 1.0 if i == k else 0.0
+        one = flow_change(flow, out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], out[5, k])
+        for i in range(6):
+            out[i, k] += one[i]
 
 
 @pytest.mark.parametrize("name", at((1, 3, 5, 7), CASES))

@@ -11,6 +11,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global, signatur
 from numba.extending import intrinsic
 
 from orbits.kernels.compile import cpu_features, kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import dual as of_duals
 from orbits.kernels.lanes.type import (
     DOUBLE,
@@ -97,7 +98,7 @@ def fma(typingctx, a, b, c):
 
     def codegen(context, builder, sig, args):
         if kind == dual:
-            return of_duals.multiply_add(builder, *_as_duals(context, builder, sig.args, args))
+            return of_duals.multiply_add(builder, *_operands(context, builder, sig.args, args))
         if kind is types.float64:
             values = [context.cast(builder, v, k, kind) for v, k in zip(args, sig.args, strict=True)]
             return builder.fma(*values)
@@ -107,8 +108,8 @@ def fma(typingctx, a, b, c):
     return kind(a, b, c), codegen
 
 
-def _as_duals(context, builder, kinds, args):
-    return [of_duals.dual_of(context, builder, v, k) for v, k in zip(args, kinds, strict=True)]
+def _operands(context, builder, kinds, args):
+    return [of_duals.operand(context, builder, v, k) for v, k in zip(args, kinds, strict=True)]
 
 
 def _emit_sqrt(builder, value):
@@ -123,7 +124,7 @@ def _elementwise(emit, doc, emit_of_duals):
 
         def codegen(context, builder, sig, args):
             if kind == dual:
-                return emit_of_duals(builder, *_as_duals(context, builder, sig.args, args))
+                return emit_of_duals(builder, *_operands(context, builder, sig.args, args))
             pairs = zip(args, sig.args, strict=True)
             if isinstance(kind, LanesType):
                 x, y = (widen(context, builder, v, k, kind) for v, k in pairs)
@@ -147,7 +148,7 @@ def sqrt(typingctx, x):
 
     def codegen(context, builder, sig, args):
         if kind == dual:
-            return of_duals.square_root(builder, args[0])
+            return of_duals.square_root(builder, *_operands(context, builder, sig.args, args))
         value = args[0] if isinstance(kind, LanesType) else context.cast(builder, args[0], sig.args[0], kind)
         return _emit_sqrt(builder, value)
 
@@ -163,7 +164,7 @@ def rint(typingctx, x):
 
     def codegen(context, builder, sig, args):
         if kind == dual:
-            return of_duals.rounded(builder, args[0])
+            return of_duals.rounded(builder, *_operands(context, builder, sig.args, args))
         value = args[0] if isinstance(kind, LanesType) else context.cast(builder, args[0], sig.args[0], kind)
         return call_intrinsic(builder, suffixed("llvm.rint", value.type), [value])
 
@@ -210,7 +211,8 @@ def select(typingctx, condition, a, b):
         def choose(context, builder, sig, args):
             chosen = context.cast(builder, args[0], sig.args[0], types.boolean)
             if kind == dual:
-                return builder.select(chosen, *_as_duals(context, builder, sig.args[1:], args[1:]))
+                pairs = zip(args[1:], sig.args[1:], strict=True)
+                return builder.select(chosen, *(of_duals.dual_of(context, builder, v, k) for v, k in pairs))
             x, y = (context.cast(builder, v, k, kind) for v, k in zip(args[1:], sig.args[1:], strict=True))
             return builder.select(chosen, x, y)
 
@@ -243,19 +245,14 @@ def _emit_fma(builder, a, b, c):
 
 @intrinsic
 def _rsqrt_estimate(typingctx, x):
-    """Return 1/sqrt(x) to 14 bits or better, cut to 17 bits so that its cube is exact; float64 or `Lanes`. That of a
-    dual number is a float64, about which a series gives the derivative as well.
-    """
+    """Return 1/sqrt(x) to 14 bits or better, cut to 17 bits so that its cube is exact; float64 or `Lanes`."""
     kind = common_type(x)
-    if kind is None:
+    if kind is None or kind == dual:
         return None
-    result = types.float64 if kind == dual else kind
 
     def codegen(context, builder, sig, args):
-        if kind == dual:
-            args, sig = [of_duals.parts(builder, args[0])[0]], result(result)
         count = kind.count if isinstance(kind, LanesType) else 1
-        value = args[0] if count > 1 else context.cast(builder, args[0], sig.args[0], result)
+        value = args[0] if count > 1 else context.cast(builder, args[0], sig.args[0], kind)
         words = ir.VectorType(INT64, count) if count > 1 else INT64
         keep = ir.Constant(words, [-(1 << 36)] * count if count > 1 else -(1 << 36))
         if count > 1 and "avx512f" in cpu_features():  # LLVM aborts the process if the CPU lacks it
@@ -273,17 +270,22 @@ def _rsqrt_estimate(typingctx, x):
             y = builder.fdiv(ir.Constant(DOUBLE, 1.0), _emit_sqrt(builder, value))
         return builder.bitcast(builder.and_(builder.bitcast(y, words), keep), value.type)
 
-    return result(x), codegen
+    return kind(x), codegen
 
 
-@kernel(inline=True)
+@verb
 def rsqrt_cubed(x):
-    """Return x^(-3/2) for x > 0, almost correctly rounded; float64 or `Lanes`. At x = 0 it is not finite.
+    """Return x^(-3/2) for x > 0, almost correctly rounded; float64, dual numbers or `Lanes`. At x = 0 it is not finite.
 
     With y near x^(-1/2) cut to 17 bits, y^2 and y^3 are exact and e = 1 - x y^2 is small; the result is the series of
     y^3 (1 - e)^(-3/2), where only the last rounding matters. As |e| < 1.6e-4, the first omitted term, 2.7 e^5, is less
     than 3e-19.
     """
+    return _cubed_of_dual if x == dual else _cubed
+
+
+@kernel(inline=True)
+def _cubed(x):
     y = _rsqrt_estimate(x)
     y2 = y * y
     y3 = y2 * y
@@ -293,14 +295,32 @@ def rsqrt_cubed(x):
 
 
 @kernel(inline=True)
+def _cubed_of_dual(x):
+    return _powers_of_dual(x)[0]
+
+
+@verb
 def inverse_powers(x):
     """Return x^(-3/2), as `rsqrt_cubed`, and 1/x to 5e-12 of it."""
+    return _powers_of_dual if x == dual else _powers
+
+
+@kernel(inline=True)
+def _powers(x):
     y = _rsqrt_estimate(x)
     y2 = y * y
     y3 = y2 * y
     e = fma(-x, y2, 1.0)
     series = fma(fma(fma(2.4609375, e, 2.1875), e, 1.875), e, 1.5)
     return fma(y3 * e, series, y3), fma(y2 * e, 1.0 + e, y2)
+
+
+@kernel(inline=True)
+def _powers_of_dual(x):
+    cubed = _cubed(of_duals.number(x))
+    near, d = cubed * of_duals.number(x), of_duals.slopes(x)
+    square = near * near
+    return of_duals.dual_number(cubed, -1.5 * cubed * square * d), of_duals.dual_number(square, -square * square * d)
 
 
 @kernel(inline=True)

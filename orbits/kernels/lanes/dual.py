@@ -1,7 +1,8 @@
-"""`Dual`: a number and its derivative along one direction, x + d e with e^2 = 0.
+"""`Dual`: a number and its derivatives along eight directions, x + d e with e^2 = 0; d is a `Lanes`.
 
-A kernel that is written for float64 and `Lanes` gives its own derivative if it is called with vectors of dual numbers:
-`duals` makes one of complex numbers x + d i, the form in which they are stored. Derivatives are exact but for rounding.
+A kernel that is written for float64 and `Lanes` gives its own derivatives if it is called with vectors of dual numbers:
+`duals` makes one of an (n, 16) array: of a row, the first number is x, and the last eight are d, so that they fill a
+register. Derivatives are exact but for rounding.
 
 Comparisons are those of x; but x == y only if the derivatives are the same as well, so that what is left out where a
 number is 0 is not where it is about to change.
@@ -13,84 +14,123 @@ import operator
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 from numba.core.imputils import lower_builtin
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic
 
-from orbits.kernels.lanes.type import DOUBLE, DUAL, FUSE, INT64, DualType, call_intrinsic, common_type, dual
+from orbits.kernels.lanes.type import (
+    DOUBLE,
+    DUAL,
+    DUAL_ROW,
+    FUSE,
+    INT64,
+    WIDTH,
+    DualType,
+    call_intrinsic,
+    common_type,
+    constant,
+    dual,
+    is_contiguous,
+    lanes,
+    splat,
+)
 
-ZERO = ir.Constant(DOUBLE, 0.0)
+NUMBERS = 2 * WIDTH
+"""The length of a row of an array of dual numbers, whose derivatives begin with column `WIDTH`."""
 
 
-def parts(builder, value):
-    """Return x and d of the LLVM value of a dual number."""
-    return builder.extract_value(value, 0), builder.extract_value(value, 1)
+def operand(context, builder, value, kind):
+    """Return x and d of an operand; d is None for any other number, whose derivatives are 0."""
+    if kind == dual:
+        return builder.extract_value(value, 0), builder.extract_value(value, 1)
+    return context.cast(builder, value, kind, types.float64), None
 
 
 def made(builder, x, d):
-    """Return the LLVM value of a dual number."""
-    return builder.insert_value(builder.insert_value(ir.Constant(DUAL, ir.Undefined), x, 0), d, 1)
+    """Return the LLVM value of a dual number; d may be None."""
+    empty = ir.Constant(DUAL, ir.Undefined)
+    return builder.insert_value(builder.insert_value(empty, x, 0), constant(0.0) if d is None else d, 1)
 
 
 def dual_of(context, builder, value, kind):
-    """Return an operand as a dual number; d of any other is 0."""
-    return value if kind == dual else made(builder, context.cast(builder, value, kind, types.float64), ZERO)
+    """Return an operand as a dual number."""
+    return made(builder, *operand(context, builder, value, kind))
+
+
+def _scaled(b, factor, d):
+    """Emit derivatives times a number."""
+    return None if d is None else b.fmul(splat(b, factor), d, flags=FUSE)
+
+
+def _summed(b, d, e):
+    """Emit the sum of derivatives."""
+    if d is None or e is None:
+        return e if d is None else d
+    return b.fadd(d, e, flags=FUSE)
+
+
+def _negated(b, d):
+    return None if d is None else b.fneg(d)
 
 
 def add(b, u, w):
     """Emit u + w."""
-    (x, d), (y, e) = parts(b, u), parts(b, w)
-    return made(b, b.fadd(x, y), b.fadd(d, e))
+    return made(b, b.fadd(u[0], w[0]), _summed(b, u[1], w[1]))
 
 
 def subtract(b, u, w):
     """Emit u - w."""
-    (x, d), (y, e) = parts(b, u), parts(b, w)
-    return made(b, b.fsub(x, y), b.fsub(d, e))
+    return made(b, b.fsub(u[0], w[0]), _summed(b, u[1], _negated(b, w[1])))
 
 
 def multiply(b, u, w):
     """Emit u w."""
-    (x, d), (y, e) = parts(b, u), parts(b, w)
-    return made(b, b.fmul(x, y), b.fadd(b.fmul(x, e, flags=FUSE), b.fmul(d, y, flags=FUSE), flags=FUSE))
+    (x, d), (y, e) = u, w
+    return made(b, b.fmul(x, y), _summed(b, _scaled(b, x, e), _scaled(b, y, d)))
 
 
 def divide(b, u, w):
     """Emit u / w."""
-    (x, d), (y, e) = parts(b, u), parts(b, w)
+    (x, d), (y, e) = u, w
     ratio = b.fdiv(x, y)
-    return made(b, ratio, b.fdiv(b.fsub(d, b.fmul(ratio, e)), y))
+    change = _summed(b, d, _negated(b, _scaled(b, ratio, e)))
+    return made(b, ratio, None if change is None else b.fdiv(change, splat(b, y)))
 
 
 def multiply_add(b, u, w, more):
     """Emit u w + more, whose x is rounded once."""
-    (x, d), (y, e), (z, f) = parts(b, u), parts(b, w), parts(b, more)
-    return made(b, b.fma(x, y, z), b.fma(x, e, b.fma(d, y, f)))
+    (x, d), (y, e), (z, f) = u, w, more
+    return made(b, b.fma(x, y, z), _summed(b, _scaled(b, x, e), _summed(b, _scaled(b, y, d), f)))
 
 
 def square_root(b, u):
-    """Emit the square root; d is 0 where that of u is."""
-    x, d = parts(b, u)
+    """Emit the square root; derivatives are 0 where those of u are."""
+    x, d = u
     root = call_intrinsic(b, "llvm.sqrt.f64", [x])
-    slope = b.fdiv(b.fmul(ir.Constant(DOUBLE, 0.5), d), root)
-    return made(b, root, b.select(b.fcmp_ordered("==", d, ZERO), ZERO, slope))
+    if d is None:
+        return made(b, root, None)
+    slope = _scaled(b, b.fdiv(ir.Constant(DOUBLE, 0.5), root), d)
+    return made(b, root, b.select(b.fcmp_ordered("==", d, constant(0.0)), constant(0.0), slope))
 
 
 def absolute(b, u):
     """Emit |u|."""
-    x, d = parts(b, u)
-    return b.select(b.fcmp_ordered("<", x, ZERO), made(b, b.fneg(x), b.fneg(d)), u)
+    return b.select(b.fcmp_ordered("<", u[0], ir.Constant(DOUBLE, 0.0)), negative(b, u), made(b, *u))
+
+
+def negative(b, u):
+    """Emit -u."""
+    return made(b, b.fneg(u[0]), _negated(b, u[1]))
 
 
 def rounded(b, u):
     """Emit the nearest integer, which does not change."""
-    return made(b, call_intrinsic(b, "llvm.rint.f64", [parts(b, u)[0]]), ZERO)
+    return made(b, call_intrinsic(b, "llvm.rint.f64", [u[0]]), None)
 
 
 def chosen(predicate):
     """Return a function that emits one of two dual numbers, by comparing them."""
-    return lambda b, u, w: b.select(b.fcmp_ordered(predicate, parts(b, u)[0], parts(b, w)[0]), u, w)
+    return lambda b, u, w: b.select(b.fcmp_ordered(predicate, u[0], w[0]), made(b, *u), made(b, *w))
 
 
 def _register(symbol, emit, result, *others):
@@ -103,7 +143,7 @@ def _register(symbol, emit, result, *others):
     infer_global(symbol)(Template)
 
     def lower(context, builder, sig, args):
-        return emit(builder, *(dual_of(context, builder, x, kind) for x, kind in zip(args, sig.args, strict=True)))
+        return emit(builder, *(operand(context, builder, x, kind) for x, kind in zip(args, sig.args, strict=True)))
 
     for kinds in others or ((DualType,),):
         lower_builtin(symbol, *kinds)(lower)
@@ -115,11 +155,14 @@ def _register_binary(symbol, emit, result=dual):
 
 
 def _compare(predicate):
-    return lambda b, u, w: b.fcmp_ordered(predicate, parts(b, u)[0], parts(b, w)[0])
+    return lambda b, u, w: b.fcmp_ordered(predicate, u[0], w[0])
 
 
 def _equal(b, u, w):
-    return b.and_(*(b.fcmp_ordered("==", x, y) for x, y in zip(parts(b, u), parts(b, w), strict=True)))
+    d, e = (constant(0.0) if one is None else one for one in (u[1], w[1]))
+    word = ir.IntType(WIDTH)
+    same = b.icmp_unsigned("==", b.bitcast(b.fcmp_ordered("==", d, e), word), word(2**WIDTH - 1))
+    return b.and_(b.fcmp_ordered("==", u[0], w[0]), same)
 
 
 for _symbols, _emit in (
@@ -134,16 +177,16 @@ for _symbol, _predicate in ((operator.lt, "<"), (operator.le, "<="), (operator.g
     _register_binary(_symbol, _compare(_predicate), types.boolean)
 _register_binary(operator.eq, _equal, types.boolean)
 _register_binary(operator.ne, lambda b, u, w: b.not_(_equal(b, u, w)), types.boolean)
-_register(operator.neg, lambda b, u: made(b, *map(b.fneg, parts(b, u))), dual)
-_register(operator.pos, lambda b, u: u, dual)
+_register(operator.neg, negative, dual)
+_register(operator.pos, lambda b, u: made(b, *u), dual)
 _register(abs, absolute, dual)
-_register(int, lambda b, u: b.fptosi(parts(b, u)[0], INT64), types.int64)
+_register(int, lambda b, u: b.fptosi(u[0], INT64), types.int64)
 
 
 @intrinsic
 def dual_number(typingctx, x, d):
-    """Return x + d e for two float64."""
-    if x != types.float64 or d != types.float64:
+    """Return x + d e for a float64 and `Lanes`."""
+    if x != types.float64 or d != lanes:
         return None
     return dual(x, d), lambda context, builder, sig, args: made(builder, *args)
 
@@ -155,29 +198,28 @@ def number(typingctx, value):
         return None
 
     def codegen(context, builder, sig, args):
-        return parts(builder, dual_of(context, builder, args[0], sig.args[0]))[0]
+        return operand(context, builder, args[0], sig.args[0])[0]
 
     return types.float64(value), codegen
 
 
 @intrinsic
-def slope(typingctx, value):
-    """Return d of a dual number x + d e, float64; 0 of a float64."""
+def slopes(typingctx, value):
+    """Return d of a dual number x + d e, `Lanes`; zeros of a float64."""
     if value != dual and not isinstance(value, types.Float | types.Integer):
         return None
 
     def codegen(context, builder, sig, args):
-        return parts(builder, dual_of(context, builder, args[0], sig.args[0]))[1]
+        d = operand(context, builder, args[0], sig.args[0])[1]
+        return constant(0.0) if d is None else d
 
-    return types.float64(value), codegen
+    return lanes(value), codegen
 
 
 @intrinsic
 def duals(typingctx, array):
-    """Return a vector of complex numbers x + d i as one of dual numbers x + d e; it is the same memory."""
-    if not (isinstance(array, types.Array) and array.layout == "C" and array.ndim == 1):
-        return None
-    if array.dtype != types.complex128:
+    """Return an (n, 16) array as a vector of dual numbers; it is the same memory."""
+    if not is_contiguous(array, 2):
         return None
     found = types.Array(dual, 1, "C")
 
@@ -186,9 +228,9 @@ def duals(typingctx, array):
 
         given = context.make_array(sig.args[0])(context, builder, args[0])
         new = context.make_array(found)(context, builder)
-        data = builder.bitcast(given.data, DUAL.as_pointer())
-        shape, strides = (cgutils.unpack_tuple(builder, x) for x in (given.shape, given.strides))
-        populate_array(new, data=data, shape=shape, strides=strides, itemsize=given.itemsize, meminfo=None)
+        data, size = builder.bitcast(given.data, DUAL_ROW.as_pointer()), INT64(8 * NUMBERS)
+        shape = [builder.extract_value(given.shape, 0)]
+        populate_array(new, data=data, shape=shape, strides=[size], itemsize=size, meminfo=None)
         return new._getvalue()
 
     return found(array), codegen

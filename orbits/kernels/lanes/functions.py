@@ -12,8 +12,9 @@ from numba.extending import intrinsic
 
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes.arithmetic import select
-from orbits.kernels.lanes.dual import dual_number, number, slope
+from orbits.kernels.lanes.dual import dual_number, number, slopes
 from orbits.kernels.lanes.memory import full, lane
+from orbits.kernels.lanes.reductions import any_lane
 from orbits.kernels.lanes.type import VECTOR, LanesType, dual, lanes
 
 
@@ -51,9 +52,9 @@ def _unary(function, derivative):
         )
 
     def of_dual(x):
-        change = 0.0
-        if slope(x) != 0.0:  # what does not change has a derivative where the function has none
-            change = slope(x) * differentiated(number(x))
+        change = full(0.0)
+        if any_lane(slopes(x)):  # what does not change has a derivative where the function has none
+            change = select(slopes(x), slopes(x) * differentiated(number(x)), change)
         return dual_number(function(number(x)), change)
 
     differentiated = verb(lambda x: derivative, options={})
@@ -91,11 +92,11 @@ def _binary(function, by_first, by_second):
         return of_lanes_both(full(x), y)
 
     def of_duals(x, y):
-        a, b, change = number(x), number(y), 0.0
-        if slope(x) != 0.0:
-            change += slope(x) * first(a, b)
-        if slope(y) != 0.0:
-            change += slope(y) * second(a, b)
+        a, b, change, none = number(x), number(y), full(0.0), full(0.0)
+        if any_lane(slopes(x)):
+            change = change + select(slopes(x), slopes(x) * first(a, b), none)
+        if any_lane(slopes(y)):
+            change = change + select(slopes(y), slopes(y) * second(a, b), none)
         return dual_number(function(a, b), change)
 
     first, second = verb(lambda x, y: by_first, options={}), verb(lambda x, y: by_second, options={})

@@ -10,10 +10,10 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes.dual import dual_of
+from orbits.kernels.lanes.dual import dual_of, made
 from orbits.kernels.lanes.type import (
     DOUBLE,
-    DUAL,
+    DUAL_ROW,
     INT32,
     INT64,
     VECTOR,
@@ -110,11 +110,20 @@ def _first_lanes(builder, count):
     return builder.icmp_signed("<", ir.Constant(words, list(range(WIDTH))), limit)
 
 
+def _parts_of_row(builder, pointer):
+    """Return pointers to x and d of a dual number in an array."""
+    return [builder.gep(pointer, [INT32(0), INT32(k)]) for k in (0, 2)]
+
+
 @intrinsic
 def _load_element(typingctx, array, index):
     def codegen(context, builder, sig, args):
         index = context.cast(builder, args[1], sig.args[1], types.int64)
-        return builder.load(element_pointer(context, builder, sig.args[0], args[0], index))
+        pointer = element_pointer(context, builder, sig.args[0], args[0], index)
+        if array.dtype != dual:
+            return builder.load(pointer)
+        x, d = _parts_of_row(builder, pointer)
+        return made(builder, builder.load(x), builder.load(d, align=8))
 
     return array.dtype(array, index), codegen
 
@@ -123,8 +132,14 @@ def _load_element(typingctx, array, index):
 def _store_element(typingctx, array, index, value):
     def codegen(context, builder, sig, args):
         index = context.cast(builder, args[1], sig.args[1], types.int64)
-        value = dual_of(context, builder, args[2], sig.args[2]) if sig.args[0].dtype == dual else args[2]
-        builder.store(value, element_pointer(context, builder, sig.args[0], args[0], index))
+        pointer = element_pointer(context, builder, sig.args[0], args[0], index)
+        if array.dtype != dual:
+            builder.store(args[2], pointer)
+            return context.get_dummy_value()
+        value = dual_of(context, builder, args[2], sig.args[2])
+        x, d = _parts_of_row(builder, pointer)
+        builder.store(builder.extract_value(value, 0), x)
+        builder.store(builder.extract_value(value, 1), d, align=8)
         return context.get_dummy_value()
 
     return types.void(array, index, value), codegen
@@ -158,7 +173,7 @@ def room(typingctx, count, like):
     if not (is_contiguous(like, 1, 2) or is_contiguous(like, 1, of=dual)) or not isinstance(count, types.Integer):
         return None
     found = types.Array(like.dtype, like.ndim, "C")
-    element, size = (DUAL, 16) if like.dtype == dual else (DOUBLE, 8)
+    element, size = (DUAL_ROW, 16 * WIDTH) if like.dtype == dual else (DOUBLE, 8)
 
     def codegen(context, builder, sig, args):
         from numba.np.arrayobj import populate_array  # a run whose kernels are on disk does not need it

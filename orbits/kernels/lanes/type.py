@@ -15,7 +15,9 @@ WIDTH = 8
 """The number of float64 in a `Lanes`."""
 DOUBLE = ir.DoubleType()
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
-DUAL = ir.LiteralStructType([DOUBLE, DOUBLE])
+DUAL = ir.LiteralStructType([DOUBLE, VECTOR])
+DUAL_ROW = ir.LiteralStructType([DOUBLE, ir.ArrayType(DOUBLE, WIDTH - 1), VECTOR], packed=True)
+"""A dual number as a value, and in an array: a row of two registers, of which the first has x alone."""
 INT64 = ir.IntType(64)
 INT32 = ir.IntType(32)
 FUSE = ("contract",)
@@ -30,7 +32,7 @@ class LanesType(types.Type):
 
 
 class DualType(types.Type):
-    """The Numba type of a number with its derivative, see `orbits.kernels.lanes.dual`."""
+    """The Numba type of a number with eight derivatives, see `orbits.kernels.lanes.dual`."""
 
     def __init__(self) -> None:
         super().__init__(name="Dual")
@@ -51,6 +53,21 @@ class _LanesModel(PrimitiveModel):
 class _DualModel(PrimitiveModel):
     def __init__(self, dmm, fe_type):
         super().__init__(dmm, fe_type, DUAL)
+
+    def get_data_type(self):
+        return DUAL_ROW
+
+    def as_data(self, builder, value):
+        row = ir.Constant(DUAL_ROW, ir.Undefined)
+        for here, there in ((0, 0), (1, 2)):
+            row = builder.insert_value(row, builder.extract_value(value, here), there)
+        return row
+
+    def from_data(self, builder, value):
+        dual = ir.Constant(DUAL, ir.Undefined)
+        for here, there in ((0, 0), (1, 2)):
+            dual = builder.insert_value(dual, builder.extract_value(value, there), here)
+        return dual
 
 
 def vector(count):

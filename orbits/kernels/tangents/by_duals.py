@@ -1,7 +1,7 @@
-"""Derivatives of forces without a Lagrangian, and of all that acts by parameters, for tangent vectors.
+"""Derivatives of all that acts at a stage, by positions, velocities, internal variables and parameters.
 
-Kernels of forces and terms run on dual numbers (`orbits.kernels.lanes.dual`): once for each coordinate of the bodies
-that are varied, and once for each parameter. So none of them has to give a derivative.
+Kernels of Lagrangians, terms and forces run on dual numbers (`orbits.kernels.lanes.dual`), along eight directions at
+once. So none of them has to give a derivative.
 """
 
 from __future__ import annotations
@@ -10,37 +10,34 @@ from typing import Any, NamedTuple
 
 from numba import types
 
-from orbits.kernels.binding import SumType, first_term, gradients, hessians
+from orbits.kernels.binding import SumType, first_term, gradients
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.gravity.terms_and_forces import add_acting, add_terms
-from orbits.kernels.lanes import load
-from orbits.kernels.lanes.dual import duals
+from orbits.kernels.lanes import WIDTH, get, lane, put, store
+from orbits.kernels.lanes.dual import duals, slopes
+from orbits.kernels.maps.terms_by_kind import strength_of
+from orbits.kernels.steps import Model
 
 
-class Acting(NamedTuple):
-    """Workspace for forces and P parameters, of D coordinates, m internal variables, s stages.
+class OnDuals(NamedTuple):
+    """Workspace for D coordinates and m internal variables, in dual numbers.
 
-    vectors : the parameters of all terms and forces, vectors as complex numbers; slopes : their derivatives by each
-        parameter, (P + 1, length) each, the last row with zeros
-    whole : 0 if a parameter is one of the Lagrangian, None if all are of forces
-    q, v, f, p : (D,); y, rates : (m,), all complex
-    sources : (s, P, 2 d + m), see `write_sources`; more : (s, 2 d + m, 8), those of eight vectors
-    first : the number of the vector of the first parameter
+    vectors : the parameters of all that acts, (length,) each; with P parameters to differentiate by, (length, 16)
+    by_parameters : the derivatives of these vectors, (P, length) each; None without any
+    count : (P,), not read
+    q, v, f, p : (D, 16); y, rates : (m, 16)
     """
 
     vectors: Any
-    slopes: Any
-    whole: Any
+    by_parameters: Any
+    count: Any
     q: Any
     v: Any
     f: Any
     p: Any
     y: Any
     rates: Any
-    sources: Any
-    more: Any
-    first: Any
 
 
 @verb
@@ -59,18 +56,10 @@ def _pull(tag, parameters, t, q, v, y, f, p, rates):
 
 
 @verb
-def all_hessians(model, t, q, v, out):
-    """Write the second derivatives of L, as `orbits.kernels.binding.hessians`."""
-    if isinstance(model.types[0], SumType) and len(model.types[0].terms) == 1:
-        return lambda model, t, q, v, out: hessians(first_term(model.tag), model.parameters[0], t, q, v, out)
-    return lambda model, t, q, v, out: hessians(model.tag, model.parameters, t, q, v, out)
-
-
-@verb
 def viewed(vectors):
-    """Return the vectors of complex numbers among parameters as ones of dual numbers."""
+    """Return the vectors among parameters, (length, 16), as ones of dual numbers."""
     if isinstance(vectors, types.Array):
-        return duals
+        return duals if vectors.ndim == 2 else lambda vectors: vectors
     if not isinstance(vectors, types.BaseTuple) or isinstance(vectors, types.BaseNamedTuple):
         return lambda vectors: vectors
     if len(vectors) == 1:
@@ -79,68 +68,26 @@ def viewed(vectors):
 
 
 @verb
-def aim(vectors, slopes, j):
-    """Make the slopes of parameters those by parameter j; the last is none."""
-    if isinstance(vectors, types.Array):
+def aim(vectors, by_parameters, j, slot):
+    """Make the derivatives of the parameters along one of eight directions those by parameter j, or 0 if j is none."""
+    if isinstance(by_parameters, types.Array):
         return _aim
-    if not isinstance(vectors, types.BaseTuple) or isinstance(vectors, types.BaseNamedTuple):
-        return lambda vectors, slopes, j: None
+    if not isinstance(by_parameters, types.BaseTuple) or isinstance(vectors, types.BaseNamedTuple):
+        return lambda vectors, by_parameters, j, slot: None
     if len(vectors) == 1:
-        return lambda vectors, slopes, j: aim(vectors[0], slopes[0], j)
+        return lambda vectors, by_parameters, j, slot: aim(vectors[0], by_parameters[0], j, slot)
 
-    def each(vectors, slopes, j):
-        aim(vectors[0], slopes[0], j)
-        aim(vectors[1:], slopes[1:], j)
+    def each(vectors, by_parameters, j, slot):
+        aim(vectors[0], by_parameters[0], j, slot)
+        aim(vectors[1:], by_parameters[1:], j, slot)
 
     return each
 
 
 @kernel
-def _aim(vector, slopes, j):
+def _aim(vector, by_parameters, j, slot):
     for k in range(vector.shape[0]):
-        vector[k] = complex(vector[k].real, slopes[j, k])
-
-
-@kernel
-def _place(t, q, v, y, acting):
-    """Begin at a stage: no slopes."""
-    for k in range(acting.q.shape[0]):
-        acting.q[k], acting.v[k] = complex(q[k], 0.0), complex(v[k], 0.0)
-    for k in range(acting.y.shape[0]):
-        acting.y[k] = complex(y[k], 0.0)
-
-
-@kernel
-def _forces(tag, vectors, t, acting):
-    """Write what the forces are into f, and the rates."""
-    for k in range(acting.f.shape[0]):
-        acting.f[k] = 0j
-    for k in range(acting.rates.shape[0]):
-        acting.rates[k] = 0j
-    q, v, f = duals(acting.q), duals(acting.v), duals(acting.f)
-    add_acting(tag, viewed(vectors), t, q, v, duals(acting.y), f, duals(acting.rates))
-
-
-@verb
-def _all_that_changes(tag, vectors, t, acting):
-    """Write what depends on parameters into f and p, and the rates."""
-    whole = dict(zip(acting.fields, acting.types, strict=True))["whole"]
-    if isinstance(whole, types.NoneType):
-
-        def forces(tag, vectors, t, acting):
-            for k in range(acting.p.shape[0]):
-                acting.p[k] = 0j
-            _forces(tag, vectors, t, acting)
-
-        return forces
-
-    def everything(tag, vectors, t, acting):
-        for k in range(acting.rates.shape[0]):
-            acting.rates[k] = 0j
-        q, v, f, p = duals(acting.q), duals(acting.v), duals(acting.f), duals(acting.p)
-        _pull(tag, viewed(vectors), t, q, v, duals(acting.y), f, p, duals(acting.rates))
-
-    return everything
+        vector[k, WIDTH + slot] = by_parameters[j, k] if 0 <= j < by_parameters.shape[0] else 0.0
 
 
 @kernel(inline=True)
@@ -149,102 +96,71 @@ def coordinate(some, n, a):
     return a // some.shape[0] * n + some[a % some.shape[0]]
 
 
-@verb
-def add_forces_to_blocks(model, acting, t, q, v, y, some, inertia, pulls, pushes):
-    """Add the derivatives of the forces, over GM of each row, to (e, e) by positions and internal variables, and to
-    (e, e) by velocities; rows from d on are those of the rates. Without forces nothing is done.
-    """
-    if isinstance(acting, types.NoneType) or not model.types[0].forces:
-        return lambda model, acting, t, q, v, y, some, inertia, pulls, pushes: None
-    return _add_forces
-
-
 @kernel
-def _add_forces(model, acting, t, q, v, y, some, inertia, pulls, pushes):
-    n, d, m = inertia.shape[0], 3 * some.shape[0], acting.y.shape[0]
-    _place(t, q, v, y, acting)
-    for c in range(2 * d + m):
-        x, k = (acting.q, coordinate(some, n, c)) if c < d else (acting.v, coordinate(some, n, c - d))
-        if c >= 2 * d:
-            x, k = acting.y, c - 2 * d
-        x[k] = complex(x[k].real, 1.0)
-        _forces(model.tag, acting.vectors, t, acting)
-        x[k] = complex(x[k].real, 0.0)
-        out, b = (pushes, c - d) if d <= c < 2 * d else (pulls, c if c < d else c - d)
-        for a in range(d):
-            out[a, b] += acting.f[coordinate(some, n, a)].imag * inertia[some[a % some.shape[0]]]
-        for a in range(m):
-            out[d + a, b] += acting.rates[a].imag
-
-
-@verb
-def write_sources(model, acting, t, q, v, y, some, out):
-    """Write the derivatives by parameters into `out`, (P, 2 d + m): of dL/dq with forces, over GM, of the rates, and of
-    -dL/dv over GM; nothing without parameters.
+def add_tides_of_terms(model, work, t, q, some, out):
+    """Add the derivatives of the accelerations of some bodies, by their positions, of all terms but the first, which
+    depend on positions alone; out : (d, d)
     """
-    if isinstance(acting, types.NoneType):
-        return lambda model, acting, t, q, v, y, some, out: None
-    return _write_sources
-
-
-@kernel
-def _write_sources(model, acting, t, q, v, y, some, out):
-    d, m, count = 3 * some.shape[0], acting.y.shape[0], out.shape[0]
-    if count == 0:
-        return
-    _place(t, q, v, y, acting)
-    strength = acting.vectors[0]
-    n = strength.shape[0] - 1
-    for j in range(count):
-        aim(acting.vectors, acting.slopes, j)
-        _all_that_changes(model.tag, acting.vectors, t, acting)
+    n, d, strength = work.q.shape[0] // 3, out.shape[0], model.parameters[0]
+    work.q[:], work.v[:] = 0.0, 0.0
+    for k in range(3 * n):
+        work.q[k, 0] = q[k]
+    f, p = duals(work.f), duals(work.p)
+    for first in range(0, d, WIDTH):
+        _turn(work, first, d, d, some, 1.0)
+        for k in range(3 * n):
+            put(f, k, 0.0)
+        add_terms(model.tag, model.parameters, t, duals(work.q), duals(work.v), f, p)
         for a in range(d):
             k = coordinate(some, n, a)
-            gm = strength[1 + k % n]
-            own = gm.imag / gm.real
-            out[j, a] = (acting.f[k].imag - own * acting.f[k].real) / gm.real
-            out[j, d + m + a] = (own * acting.p[k].real - acting.p[k].imag) / gm.real
+            change = slopes(get(f, k) / strength[1 + k % n])
+            for c in range(first, min(first + WIDTH, d)):
+                out[a, c] += lane(change, c - first)
+        _turn(work, first, d, d, some, 0.0)
+
+
+@kernel
+def write_blocks(model, work, t, q, v, y, some, out):
+    """Write the derivatives of F = dL/dq with all forces and of dL/dv - GM v of some bodies, over GM, and of the rates
+    of the internal variables.
+
+    out : (2, d + m, columns), rows of F and of the rates, then rows of dL/dv - GM v; columns of the d positions, the m
+        internal variables, the P parameters and the d velocities, and of what fills eight directions
+    """
+    places, speeds, inner = work.q, work.v, work.y
+    n, d, m = places.shape[0] // 3, 3 * some.shape[0], y.shape[0]
+    by_velocity = d + m + work.count.shape[0]
+    places[:], speeds[:], inner[:] = 0.0, 0.0, 0.0
+    for k in range(3 * n):
+        places[k, 0], speeds[k, 0] = q[k], v[k]
+    for k in range(m):
+        inner[k, 0] = y[k]
+    known, f, p, rates = Model(model.tag, viewed(work.vectors)), duals(work.f), duals(work.p), duals(work.rates)
+    for first in range(0, by_velocity + d, WIDTH):
+        _turn(work, first, d, by_velocity, some, 1.0)
+        all_gradients(known, t, duals(places), duals(speeds), duals(inner), f, p, rates)
+        for a in range(d):
+            k = coordinate(some, n, a)
+            gm = strength_of(known)[1 + k % n]
+            store(out[0, a], first, slopes(get(f, k) / gm))
+            store(out[1, a], first, slopes(get(p, k) / gm))
         for a in range(m):
-            out[j, d + a] = acting.rates[a].imag
-    aim(acting.vectors, acting.slopes, count)
+            store(out[0, d + a], first, slopes(get(rates, a)))
+        _turn(work, first, d, by_velocity, some, 0.0)
+    for a in range(d):
+        out[1, a, by_velocity + a] -= 1.0
 
 
 @kernel
-def write_sources_now(model, acting, t, q, v, y, some, out):
-    """Write the derivatives by parameters; to be called from Python."""
-    write_sources(model, acting, t, q, v, y, some, out)
-
-
-@verb
-def write_stage_sources(model, acting, i, t, q, v, y, some):
-    """Write the derivatives by parameters at stage i."""
-    if isinstance(acting, types.NoneType):
-        return lambda model, acting, i, t, q, v, y, some: None
-    return lambda model, acting, i, t, q, v, y, some: write_sources(
-        model, acting, t, q, v, y, some, acting.sources[i]
-    )
-
-
-@verb
-def gather_sources(acting, group):
-    """Gather the derivatives by parameters for a group of eight vectors in `more`; those of others are 0."""
-    return (lambda acting, group: None) if isinstance(acting, types.NoneType) else _gather
-
-
-@kernel
-def _gather(acting, group):
-    stages, rows, lanes = acting.more.shape
-    for lane in range(lanes):
-        j = lanes * group + lane - acting.first
-        known = 0 <= j < acting.sources.shape[1]
-        for i in range(stages):
-            for a in range(rows):
-                acting.more[i, a, lane] = acting.sources[i, j, a] if known else 0.0
-
-
-@verb
-def with_source(x, acting, i, a):
-    """Return x with the gathered derivatives by parameters of row a at stage i; x itself without any."""
-    if isinstance(acting, types.NoneType):
-        return lambda x, acting, i, a: x
-    return lambda x, acting, i, a: x + load(acting.more[i], a)
+def _turn(work, first, d, by_velocity, some, size):
+    """Begin or end the derivatives along eight directions, those of the columns of `write_blocks` from `first` on."""
+    n, m = work.q.shape[0] // 3, work.y.shape[0]
+    for slot in range(WIDTH):
+        c = first + slot
+        if c < d:
+            work.q[coordinate(some, n, c), WIDTH + slot] = size
+        elif c < d + m:
+            work.y[c - d, WIDTH + slot] = size
+        elif by_velocity <= c < by_velocity + d:
+            work.v[coordinate(some, n, c - by_velocity), WIDTH + slot] = size
+        aim(work.vectors, work.by_parameters, c - d - m if size > 0.0 else -1, slot)

@@ -3,12 +3,13 @@
 A step of every such map is a sequence of stages, rows (kind, length) of its program: Kepler motions,
 kicks, flows of terms. The map is marched by its own kernels, to the same bits. On a copy of its state the stages of the
 step are taken one by one, and the vectors with them, each by the derivative of the stage where the copy stands:
-`orbits.kernels.tangents.of_kepler_flow`, `of_jacobi_kicks`, `of_heliocentric_kicks`, `of_terms`. As the derivative of
-each stage is symplectic wherever it is taken, that of the step is so to round-off. A new method is a new sequence; a
-new stage a kind, a motion of the copy and one of the vectors.
+`orbits.kernels.tangents.of_kepler_flow`, `map_stages`. As the derivative of each stage is symplectic wherever it is
+taken, that of the step is so to round-off. A new method is a new sequence; a new stage a kind, a motion of the copy and
+one of the vectors.
 
 What leads from the states that are seen to those that are marched, such as a corrector, is a sequence of stages too,
-taken when a march is entered, and backwards when it is left.
+taken when a march is entered, and backwards when it is left. The change of coordinates is linear, so that vectors go
+through that of states.
 
 A tangent vector has for each planet, in the order of the map, its place and velocity in the coordinates of the map, and
 then those of the centre of mass: (4, 3 (n + 1), 8) for eight vectors, in the order dq, dq_lo, dv, dv_lo.
@@ -22,11 +23,17 @@ from typing import Any, NamedTuple
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.kepler.flow import kepler_increments
 from orbits.kernels.lanes import WIDTH, full, load, store
-from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, kick_planets, move_centre
-from orbits.kernels.maps.layout import STATE_ROWS, body_of, copy_rows, dominant, store_three
-from orbits.kernels.maps.orbits import displaced, kicked, orbits_of, place_of, velocity_of, write_orbits
+from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, kick_planets
+from orbits.kernels.maps.layout import (
+    STATE_ROWS,
+    body_of,
+    copy_rows,
+    dominant,
+    load_three,
+    registers_in,
+    store_three,
+)
 from orbits.kernels.maps.programs import (
     DRIFT,
     FLOW,
@@ -43,17 +50,15 @@ from orbits.kernels.maps.terms_by_kind import strength_of
 from orbits.kernels.maps.terms_of_dominant import change_variables
 from orbits.kernels.steps import Method, Model, begin, step
 from orbits.kernels.sums.summation import add_product
-from orbits.kernels.tangents.of_heliocentric_kicks import (
-    from_heliocentric,
+from orbits.kernels.tangents.map_stages import (
+    add_three,
+    change_of_kick,
+    change_variables_of_vectors,
+    flow_vectors,
     kick_heliocentric_vectors,
-    place_heliocentric,
-    to_heliocentric,
 )
-from orbits.kernels.tangents.of_jacobi_kicks import change_of_kick, place_planets, to_bodies, to_jacobi
 from orbits.kernels.tangents.of_kepler_flow import Flow, flow_change, flow_of
-from orbits.kernels.tangents.of_terms import flow_vectors, momenta_of_vectors, place_static, velocities_of_vectors
 from orbits.kernels.tangents.through_stages import measure
-from orbits.kernels.tangents.vector_parts import add_three
 
 NUMBERS_OF_A_FLOW = 3 + 3 + 4 * 4
 """Numbers of a `Flow`."""
@@ -65,29 +70,22 @@ UNKNOWN, EVALUATED, CHANGED = 0, 1, 2
 class VectorRoom(NamedTuple):
     """Workspace for n planets and groups of eight vectors.
 
-    planets, scratch : a copy of what is marched, and its `room`
+    planets, scratch : a copy of what is marched, and its `room`; another : a second copy
+    state : (4, padded), q, q_lo, v, v_lo of all bodies
     gm : (registers, 8), that about which a planet moves; mass : (n,), its own
-    flows : (registers, 22, 8), see `Flow`; places : (3, n, 6), see `orbits.kernels.tangents.of_jacobi_kicks`
-    bends : (3, n, 27), second derivatives of terms, see `orbits.kernels.tangents.of_terms`; pair, curvature : of a pair
-        of bodies: the parameters of the terms, and workspace
-    force : (groups, 3n, 8), the change of the kick; shifted, offset, pull, further : (3n, 8); rates : (6n, 8)
+    flows : (registers, 22, 8), see `Flow`
+    numbers : (8, 3n, 16), see `orbits.kernels.tangents.map_stages`; force : (groups, 3n, 8), the change of the kick
     """
 
     planets: Any
     scratch: Any
+    another: Any
+    state: Any
     gm: Any
     mass: Any
     flows: Any
-    places: Any
-    bends: Any
-    pair: Any
-    curvature: Any
+    numbers: Any
     force: Any
-    shifted: Any
-    offset: Any
-    pull: Any
-    further: Any
-    rates: Any
 
 
 @kernel
@@ -132,8 +130,8 @@ def enter_with_vectors(form, coefficients, tag, parameters, state, carry, vector
     enter_coordinates(method, strength, state.q, state.q_lo, state.p, state.p_lo, planets, room.scratch)
     _keep_masses(method, strength, room)
     for group in range(vectors.shape[0]):
-        _to_coordinates(method, strength, vectors[group], room)
-    momenta_of_vectors(model, vectors, room)
+        _enter_coordinates(method, strength, vectors[group], room)
+    change_variables_of_vectors(model, -1.0, vectors, room)
     change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, -1.0)
     entry, _ = programs_of(coefficients)
     for row in range(entry.shape[0]):
@@ -151,27 +149,52 @@ def leave_with_vectors(form, coefficients, tag, parameters, state, carry, vector
     for back in range(entry.shape[0]):
         row = entry.shape[0] - 1 - back
         _take(method, model, int(entry[row, KIND]), -entry[row, LENGTH], UNKNOWN, vectors, room)
+    change_variables_of_vectors(model, 1.0, vectors, room)
     change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, 1.0)
-    velocities_of_vectors(model, vectors, room)
     leave_coordinates(method, strength, planets, room.scratch, state.q, state.q_lo, state.p, state.p_lo)
     for group in range(vectors.shape[0]):
-        _from_coordinates(method, strength, vectors[group], room)
+        _leave_coordinates(method, strength, vectors[group], room)
 
 
-@verb
-def _to_coordinates(method, strength, vectors, room):
+@kernel
+def _enter_coordinates(method, strength, vectors, room):
     """Change eight vectors from those of the bodies to those of the planets and the centre of mass."""
-    if is_heliocentric(method):
-        return lambda method, strength, vectors, room: to_heliocentric(strength, vectors, room)
-    return lambda method, strength, vectors, room: to_jacobi(vectors, room)
+    n, state, planets = strength.shape[0] - 1, room.state, room.another
+    copy_rows(room.planets, planets)
+    for lane in range(WIDTH):
+        for part in range(4):
+            for a in range(3 * n):
+                state[part, a % 3 * n + a // 3] = vectors[part, a, lane]
+        enter_coordinates(method, strength, state[0], state[1], state[2], state[3], planets, room.scratch)
+        for part in range(4):
+            for a in range(3 * n):
+                row, slot = _element(planets, n - 1, part, a)
+                vectors[part, a, lane] = planets[row, slot]
 
 
-@verb
-def _from_coordinates(method, strength, vectors, room):
-    """Undo `_to_coordinates`."""
-    if is_heliocentric(method):
-        return lambda method, strength, vectors, room: from_heliocentric(strength, vectors, room)
-    return lambda method, strength, vectors, room: to_bodies(vectors, room)
+@kernel
+def _leave_coordinates(method, strength, vectors, room):
+    """Undo `_enter_coordinates`."""
+    n, state, planets = strength.shape[0] - 1, room.state, room.another
+    copy_rows(room.planets, planets)
+    for lane in range(WIDTH):
+        for part in range(4):
+            for a in range(3 * n):
+                row, slot = _element(planets, n - 1, part, a)
+                planets[row, slot] = vectors[part, a, lane]
+        leave_coordinates(method, strength, planets, room.scratch, state[0], state[1], state[2], state[3])
+        for part in range(4):
+            for a in range(3 * n):
+                vectors[part, a, lane] = state[part, a % 3 * n + a // 3]
+
+
+@kernel(inline=True)
+def _element(planets, count, part, a):
+    """Return where the array of planets has row a of a part of a vector: row and column."""
+    i, component, low = a // 3, a % 3 + part // 2 * 3, part % 2
+    if i == count:
+        return STATE_ROWS * registers_in(planets) + low, component
+    return STATE_ROWS * (i // WIDTH) + component + 6 * low, i % WIDTH
 
 
 @verb
@@ -196,13 +219,15 @@ def _take(method, model, kind, length, known, vectors, room):
     """Take a stage, of the copy and of the vectors. Returns what is known of a kick where they are; known : before."""
     planets, scratch = room.planets, room.scratch
     if kind == DRIFT:
-        drift_with_flows(planets, room.gm, length, room.flows)
+        copy_rows(planets, room.another[: STATE_ROWS * registers_in(planets)])
+        take(method, model, kind, length, planets, scratch, scratch, False)
+        write_flows(room.another, planets, room.gm, length, room.flows)
         for group in range(vectors.shape[0]):
             move_vectors(room.flows, room.mass.shape[0], length, vectors[group])
         return UNKNOWN
     if kind == FLOW:
-        take(method, model, kind, length, planets, scratch, scratch, False)
         flow_vectors(model, length, vectors, room)
+        take(method, model, kind, length, planets, scratch, scratch, False)
         return UNKNOWN
     _kick(method, model, kind, length, known, vectors, room)
     return CHANGED
@@ -215,11 +240,9 @@ def _kick(method, model, kind, length, known, vectors, room):
 
 
 def _kick_in_heliocentric(method, model, kind, length, known, vectors, room):
-    place_heliocentric(room.planets, room.places)
-    take(method, model, kind, length, room.planets, room.scratch, room.scratch, False)
-    strength = strength_of(model)
     for group in range(vectors.shape[0]):
-        kick_heliocentric_vectors(strength, length, vectors[group], room)
+        kick_heliocentric_vectors(strength_of(model), length, vectors[group], room)
+    take(method, model, kind, length, room.planets, room.scratch, room.scratch, False)
 
 
 def _kick_in_jacobi(method, model, kind, length, known, vectors, room):
@@ -227,8 +250,6 @@ def _kick_in_jacobi(method, model, kind, length, known, vectors, room):
     if known == UNKNOWN:
         evaluate_kick(None, model, kind, shift, planets, scratch, scratch, NO_TABLE)
     if known != CHANGED:
-        place_planets(kind, room)
-        place_static(model, kind, room)
         for group in range(vectors.shape[0]):
             change_of_kick(model, kind, shift, vectors[group, 0], room.force[group], room)
     kick_planets(planets, scratch, length)
@@ -237,22 +258,28 @@ def _kick_in_jacobi(method, model, kind, length, known, vectors, room):
 
 
 @kernel
-def drift_with_flows(planets, gm, h, flows):
-    """Advance the planets on their Kepler orbits by h, and write the `Flow` of each."""
+def write_flows(before, planets, gm, h, flows):
+    """Write the `Flow` of each planet in a Kepler motion of h; before, planets : where it began and where it ended."""
     for register in range(gm.shape[0]):
-        own, about, rows = planets[STATE_ROWS * register :], load(gm, register), flows[register]
-        orbits = orbits_of(full(0.0), own)
-        (x, y, z), (vx, vy, vz) = place_of(orbits), velocity_of(orbits)
-        dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, about, full(h))
-        write_orbits(own, kicked(displaced(orbits, (dx, dy, dz)), (dvx, dvy, dvz)))
-        flow = flow_of((x, y, z), (vx, vy, vz), about, full(h), (dx, dy, dz), (dvx, dvy, dvz))
+        first, rows = STATE_ROWS * register, flows[register]
+        start, end = before[first:], planets[first:]
+        place, velocity = load_three(start, 0), load_three(start, 3)
+        moved, change = _differences(start, end, 0), _differences(start, end, 3)
+        flow = flow_of(place, velocity, load(gm, register), full(h), moved, change)
         store_three(rows, 0, flow.place)
         store_three(rows, 3, flow.velocity)
         _store_four(rows, 6, flow.f)
         _store_four(rows, 10, flow.g)
         _store_four(rows, 14, flow.df)
         _store_four(rows, 18, flow.dg)
-    move_centre(planets, h)
+
+
+@kernel(inline=True)
+def _differences(start, end, row):
+    """Return how much three coordinates in doubled precision have changed."""
+    (x, y, z), (x_lo, y_lo, z_lo) = load_three(start, row), load_three(start, row + 6)
+    (a, b, c), (a_lo, b_lo, c_lo) = load_three(end, row), load_three(end, row + 6)
+    return (a - x) + (a_lo - x_lo), (b - y) + (b_lo - y_lo), (c - z) + (c_lo - z_lo)
 
 
 @kernel(inline=True)

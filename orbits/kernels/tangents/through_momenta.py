@@ -2,15 +2,16 @@
 or of parameters; see `orbits.kernels.tangents.through_stages`.
 
 The step is one of positions and momenta, and so is its derivative. Momenta count per mass: w = p / m, which is v
-without such terms. With the derivatives of F = dL/dq and p = dL/dv at the stages,
+without such terms. With F = dL/dq and all forces, and the derivatives of F / m and p / m - v at the stages by what
+they depend on, Z = (dQ, dY, dtheta, dV), see `orbits.kernels.tangents.by_duals`,
 
-    dQ_i = dq + sum_j mu_ij K_j,         dW_i = dw + sum_j mu_bar_ij L_j,        m dW = L_vq dQ + L_vv dV
-    K_i = h b_i dV_i,                    L_i = h b_i (L_qq dQ_i + L_qv dV_i) / m
+    dQ_i = dq + sum_j mu_ij K_j,         dW_i = dw + sum_j mu_bar_ij L_j,        dV_i = dW_i - [p / m - v]' Z_i
+    K_i = h b_i dV_i,                    L_i = h b_i [F / m]' Z_i
     dq+ = dq + sum_i K_i,                dw+ = dw + sum_i L_i
 
-Forces add to L_qq and L_qv. Their internal variables y are stepped like momenta: with dY at the end of dQ, and with
-the derivatives of y' in the last rows of blocks and of L. The vector of a parameter has sources beside: the derivatives
-of F, y' and p by it. The stages are iterated to the round-off floor, those of the bodies first.
+The internal variables y of forces are stepped like momenta: with dY at the end of dW, and the derivatives of y' in the
+last rows of L. The vector of a parameter theta has dtheta = 1, which does not change. The stages are iterated to the
+round-off floor, those of the bodies first.
 
 Source: Hairer, Lubich & Wanner (2006), sec. VI.4.1, VI.6.2.
 """
@@ -26,31 +27,22 @@ from orbits.kernels.compile.verbs import verb
 from orbits.kernels.ephemeris.chebyshev import given_in, held_by, place_given
 from orbits.kernels.lanes import any_lane, full, load, maximum, select, store
 from orbits.kernels.sums.summation import accumulate
-from orbits.kernels.tangents.by_duals import (
-    add_forces_to_blocks,
-    all_gradients,
-    all_hessians,
-    gather_sources,
-    with_source,
-    write_stage_sources,
-)
-from orbits.kernels.tangents.through_stages import FLOOR, NODE, STALLED, SWEEPS, WEIGHT, add_block, measure
+from orbits.kernels.tangents.by_duals import all_gradients, write_blocks
+from orbits.kernels.tangents.through_stages import FLOOR, NODE, STALLED, SWEEPS, WEIGHT, measure
 
 MU = 2
 """The columns of a table: c and b of each stage; from `MU` on mu, then mu_bar."""
 
-QQ, QV, VQ, VV = 0, 1, 2, 3
-"""The blocks of derivatives at a stage, over GM of each row; `VV` without the unit matrix."""
-
 
 class MomentaRoom(NamedTuple):
-    """Workspace for D coordinates of the bodies, d of the vectors, m internal variables, e = d + m, s stages.
+    """Workspace for D coordinates of the bodies, d of the vectors, m internal variables, P parameters, e = d + m, s
+    stages.
 
     Q, V, f, p : (s, padded) positions, velocities, forces and momenta of the stages; w : (padded,), w of the bodies
-    curvature : (3 D^2,) second derivatives of L; blocks : (s, 4, e, e), see `QQ`; dQ, dW : (e, 8)
+    blocks : (s, 2, e, C or more), derivatives at the stages, see `write_blocks`; Z, dW : (C, 8), (e, 8), C = e + P + d
     y : (m,), the internal variables; Y, rates : (s, m), they and their rates at the stages
     ahead, given : (8,) and (2 D, 8), for bodies of an ephemeris; the latter empty without them
-    acting : see `Acting`; None without forces and parameters
+    duals : see `OnDuals`
     """
 
     Q: Any
@@ -58,22 +50,21 @@ class MomentaRoom(NamedTuple):
     f: Any
     p: Any
     w: Any
-    curvature: Any
     blocks: Any
-    dQ: Any
+    Z: Any
     dW: Any
     y: Any
     Y: Any
     rates: Any
     ahead: Any
     given: Any
-    acting: Any
+    duals: Any
 
 
 @kernel
 def follow_momenta(model, table, course, before, fan, some, inertia, scale, room):
-    """As `orbits.kernels.tangents.through_stages.follow`, with vectors of dq and dw, and kicks (groups, s (e + d), 8):
-    L and K.
+    """As `orbits.kernels.tangents.through_stages.follow`, with vectors of dq and dw, (groups, 4, e + P, 8), and kicks
+    (groups, s (e + d), 8): L and K.
 
     before : not used: the stages start from those of the step before, whatever its length
     """
@@ -85,13 +76,8 @@ def follow_momenta(model, table, course, before, fan, some, inertia, scale, room
             return k
         for i in range(table.shape[0]):
             at = t + table[i, NODE] * h
-            Q, V, Y, blocks = room.Q[i], room.V[i], room.Y[i], room.blocks[i]
-            all_hessians(model, at, Q, V, room.curvature)
-            write_blocks(room.curvature, some, inertia, blocks)
-            add_forces_to_blocks(model, room.acting, at, Q, V, Y, some, inertia, blocks[QQ], blocks[QV])
-            write_stage_sources(model, room.acting, i, at, Q, V, Y, some)
+            write_blocks(model, room.duals, at, room.Q[i], room.V[i], room.Y[i], some, room.blocks[i])
         for g in range(fan.vectors.shape[0]):
-            gather_sources(room.acting, g)
             if not advance(table, h, 3 * some.shape[0], room.blocks, fan.vectors[g], fan.kicks[g], room):
                 return k
             if fan.growth.shape[0]:
@@ -178,69 +164,50 @@ def place_stages(model, table, t, h, start, end, inertia, room):
 
 
 @kernel
-def write_blocks(curvature, some, inertia, blocks):
-    """Write the blocks of derivatives at a stage, (4, e, e), without those of forces."""
-    square, d = curvature.shape[0] // 3, 3 * some.shape[0]
-    blocks[:] = 0.0
-    add_block(curvature, 0, some, inertia, blocks[QQ])
-    add_block(curvature, square, some, inertia, blocks[QV])
-    add_block(curvature, 2 * square, some, inertia, blocks[VV])
-    n, m = inertia.shape[0], some.shape[0]
-    for a in range(d):
-        blocks[VV, a, a] -= 1.0
-        i = some[a % m]
-        for b in range(d):  # the transpose of the mixed block, whose rows belong to q
-            row = square + (b // m * n + some[b % m]) * 3 * n
-            blocks[VQ, a, b] = curvature[row + a // m * n + i] * inertia[i]
-
-
-@kernel
 def advance(table, h, d, blocks, vectors, kicks, room):
-    """Take a step of eight tangent vectors, (4, e, 8). Returns whether the iteration of the stages converges.
+    """Take a step of eight tangent vectors, (4, e + P, 8). Returns whether the iteration of the stages converges.
 
     kicks : (s (e + d), 8), L of all stages, then K
     """
-    s, e = table.shape[0], blocks.shape[2]
-    dQ, dW = room.dQ, room.dW
+    s, e, rows = table.shape[0], blocks.shape[2], vectors.shape[1]
+    Z, dW = room.Z, room.dW
     q, q_lo, w, w_lo = vectors[0], vectors[1], vectors[2], vectors[3]
-    L, K = kicks[: s * e], kicks[s * e :]
+    L, K, columns = kicks[: s * e], kicks[s * e :], rows + d
+    for a in range(e, rows):
+        store(Z, a, load(q, a))
     last, settled = full(math.inf), False
     for _sweep in range(SWEEPS):
         change, size, moved, way = full(0.0), full(0.0), full(0.0), full(0.0)  # of L, and of K
         for i in range(s):
             hb = h * table[i, WEIGHT]
-            for a in range(d):
-                x, y = load(q_lo, a), load(w_lo, a)
-                for j in range(s):
-                    x = x + table[i, MU + j] * load(K, j * d + a)
-                    y = y + table[i, MU + s + j] * load(L, j * e + a)
-                store(dQ, a, load(q, a) + x)
-                store(dW, a, load(w, a) + y)
-            for a in range(d, e):
+            for a in range(e):
                 y = load(w_lo, a)
                 for j in range(s):
                     y = y + table[i, MU + s + j] * load(L, j * e + a)
-                store(dQ, a, load(w, a) + y)
+                store(dW, a, load(w, a) + y)
+            for a in range(d):
+                x = load(q_lo, a)
+                for j in range(s):
+                    x = x + table[i, MU + j] * load(K, j * d + a)
+                store(Z, a, load(q, a) + x)
+                store(Z, rows + a, load(K, i * d + a) * (1.0 / hb))
+            for a in range(d, e):
+                store(Z, a, load(dW, a))
             for a in range(d):
                 x = load(dW, a)
-                for b in range(d):
-                    x = x - blocks[i, VQ, a, b] * load(dQ, b)
-                    x = x - blocks[i, VV, a, b] * (load(K, i * d + b) * (1.0 / hb))
-                x = with_source(x, room.acting, i, e + a)
+                for b in range(columns):
+                    x = x - blocks[i, 1, a, b] * load(Z, b)
                 moved, way = maximum(moved, abs(hb * x - load(K, i * d + a))), maximum(way, abs(hb * x))
                 store(K, i * d + a, hb * x)
+                store(Z, rows + a, x)
             for a in range(e):
                 pull = full(0.0)
-                for b in range(e):
-                    pull = pull + blocks[i, QQ, a, b] * load(dQ, b)
-                    if b < d:
-                        pull = pull + blocks[i, QV, a, b] * (load(K, i * d + b) * (1.0 / hb))
-                new = hb * with_source(pull, room.acting, i, a)
+                for b in range(columns):
+                    pull = pull + blocks[i, 0, a, b] * load(Z, b)
+                new = hb * pull
                 change, size = maximum(change, abs(new - load(L, i * e + a))), maximum(size, abs(new))
                 store(L, i * e + a, new)
-        off = maximum(
-            select(size > 0.0, change / size, full(0.0)), select(way > 0.0, moved / way, full(0.0))
-        )
+        off = maximum(select(size > 0.0, change / size, full(0.0)), select(way > 0.0, moved / way, full(0.0)))
         if not any_lane((off > FLOOR) * (1.0 - (off <= STALLED) * (off > 0.5 * last))):
             settled = True
             break

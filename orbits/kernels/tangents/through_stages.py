@@ -22,11 +22,12 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from orbits.kernels.binding import SumType, accelerate, add_hessians, dimension, other_terms, tides
+from orbits.kernels.binding import SumType, accelerate, dimension, tides
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import any_lane, full, load, maximum, store
 from orbits.kernels.sums.summation import accumulate, add_product
+from orbits.kernels.tangents.by_duals import add_tides_of_terms
 from orbits.kernels.tangents.growth import add_growth
 
 NODE, WEIGHT, KICK, REST, ETA = 0, 1, 2, 3, 4
@@ -68,17 +69,17 @@ class Room(NamedTuple):
     """Workspace for D coordinates of the bodies, d of the vectors, s stages.
 
     Q, g : (s, padded) positions and accelerations of the stages
-    curvature : (3 D^2,) second derivatives of terms; tides : (s, d, d), G at the stages; dQ : (d, 8)
-    ahead, rows : (s,) and (s, 8)
+    tides : (s, d, d), G at the stages; dQ : (d, 8); ahead, rows : (s,) and (s, 8)
+    duals : for terms, see `orbits.kernels.tangents.by_duals`
     """
 
     Q: Any
     g: Any
-    curvature: Any
     tides: Any
     dQ: Any
     ahead: Any
     rows: Any
+    duals: Any
 
 
 @kernel
@@ -106,7 +107,7 @@ def follow(model, table, course, before, fan, some, inertia, scale, room):
                     room.tides[0, a, b] = room.tides[s - 1, a, b]
         for i in range(1 if joined and before != 0.0 else 0, s):
             at = t + table[i, NODE] * h
-            write_tides(model, at, room.Q[i], course.path[k, 1], room.curvature, some, inertia, room.tides[i])
+            write_tides(model, at, room.Q[i], room.duals, some, room.tides[i])
         for g in range(fan.vectors.shape[0]):
             if not advance(table, explicit, warm, h, room.tides, fan.vectors[g], fan.kicks[g], room):
                 return k
@@ -184,32 +185,16 @@ def place_stages(model, table, explicit, warm, h, start, end, room):
 
 
 @verb
-def write_tides(model, t, q, v, curvature, some, inertia, out):
+def write_tides(model, t, q, duals, some, out):
     """Write G, the derivative of the accelerations of some bodies by their positions, (d, d)."""
     if not isinstance(model.types[0], SumType):
-        return lambda model, t, q, v, curvature, some, inertia, out: tides(
-            model.tag, model.parameters, q, some, out
-        )
+        return lambda model, t, q, duals, some, out: tides(model.tag, model.parameters, q, some, out)
 
-    def of_a_sum(model, t, q, v, curvature, some, inertia, out):
+    def of_a_sum(model, t, q, duals, some, out):
         tides(model.tag, model.parameters, q, some, out)
-        curvature[:] = 0.0
-        tags, vectors = other_terms(model.tag), model.parameters[1:]
-        add_hessians(tags, model.parameters[0], vectors, t, q, v, curvature)
-        add_block(curvature, 0, some, inertia, out)
+        add_tides_of_terms(model, duals, t, q, some, out)
 
     return of_a_sum
-
-
-@kernel
-def add_block(curvature, first, some, inertia, out):
-    """Add a block of second derivatives of L, from element `first` of `curvature` on, over GM of each row to (d, d)."""
-    n, m = inertia.shape[0], some.shape[0]
-    for a in range(3 * m):
-        i = some[a % m]
-        row = first + (a // m * n + i) * 3 * n
-        for b in range(3 * m):
-            out[a, b] += curvature[row + b // m * n + some[b % m]] * inertia[i]
 
 
 @kernel

@@ -14,9 +14,9 @@ from orbits.integrators.forms import Array, coefficients_of, padded
 from orbits.integrators.maps.dominant import registers_for
 from orbits.integrators.maps.on_kepler_orbits import OnKeplerOrbits
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.lanes.dual import NUMBERS
 from orbits.kernels.maps.layout import STATE_ROWS
-from orbits.kernels.steps import Share, State, Storage
-from orbits.kernels.tangents.of_terms import BENDS, PAIR_NUMBERS
+from orbits.kernels.steps import Model, Share, State, Storage
 from orbits.kernels.tangents.through_maps import (
     NUMBERS_OF_A_FLOW,
     VectorRoom,
@@ -25,12 +25,12 @@ from orbits.kernels.tangents.through_maps import (
     leave_with_vectors,
 )
 from orbits.kernels.tangents.through_stages import Fan
-from orbits.lagrangians.base import Lagrangian
+from orbits.lagrangians.base import SEPARABLE, Lagrangian
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_for
 from orbits.marching.tangents.in_lanes import InLanes
-from orbits.marching.tangents.of_bodies import momenta_by_velocities, require_hessians
+from orbits.marching.tangents.of_bodies import known_derivatives, momenta_by_velocities, momenta_of, on_duals
 
 BLOCK = 4096
 """The most steps between two looks at the state, and for an interrupt."""
@@ -39,7 +39,6 @@ BLOCK = 4096
 def require_map_tangents(integrator: Integrator, lagrangian: Lagrangian) -> None:
     """Raise InputError, with the reason, if the derivative of a map on Kepler orbits is not known."""
     form_for(integrator, lagrangian)  # which names the terms that the map does not take
-    require_hessians(lagrangian)
     if integrator.in_encounters.follow_planets:
         raise InputError(
             f"the variations of {integrator.label} are not known where all bodies take steps that are chosen one by "
@@ -106,7 +105,7 @@ class MapTangents(InLanes):
         form.check_start(parameters, q, v)
         self._form, self._lagrangian, self._integrator = form, lagrangian, integrator
         self._parameters = parameters if isinstance(parameters, tuple) else np.ascontiguousarray(parameters)
-        strength, *own = parameters if isinstance(parameters, tuple) else (parameters,)
+        strength = parameters[0] if isinstance(parameters, tuple) else parameters
         self._gm, self._h, self._steps = np.array(strength[1:]), h, 0
         self._bodies, self._count = np.asarray(bodies), len(vectors)
         n, groups = len(q), (len(vectors) + WIDTH - 1) // WIDTH
@@ -122,15 +121,10 @@ class MapTangents(InLanes):
         self._vectors, self._growth, self._no_kicks = aligned(
             (groups, 4, 3 * n, WIDTH), (0 if scale is None else groups, 5, WIDTH), (groups, 0, WIDTH)
         )
-        wide = (rows, WIDTH)
-        carry = self._state["carry"].shape
-        registers = registers_for(3 * n)
+        carry, registers = self._state["carry"].shape, registers_for(3 * n)
         flows = registers, NUMBERS_OF_A_FLOW, WIDTH
-        of_planets = (registers, WIDTH), (n - 1,), flows, (3, n - 1, 6), (3, n - 1, BENDS)
-        of_vectors = (PAIR_NUMBERS,), (groups, *wide), wide, wide, wide, wide, (2 * rows, WIDTH)
-        self._room = VectorRoom._make(
-            [*aligned(carry, form.room_shape(3 * n), *of_planets), _pair_of(strength, own), *aligned(*of_vectors)]
-        )
+        of_planets = (registers, WIDTH), (n - 1,), flows, (8, rows, NUMBERS), (groups, rows, WIDTH)
+        self._room = VectorRoom(*aligned(carry, form.room_shape(3 * n), carry, (4, width), *of_planets))
         given = np.zeros((self._count, 2, n, 3))
         given[:, :, self._bodies] = vectors
         self._write(given.reshape(self._count, 2, 3 * n))
@@ -184,9 +178,7 @@ class MapTangents(InLanes):
         copy.__dict__.update(self.__dict__)
         copy._state = {name: array.copy() for name, array in self._state.items()}
         copy._vectors, copy._growth = self._vectors.copy(), self._growth[:0].copy()
-        copy._room = VectorRoom(
-            *(tuple(y.copy() for y in x) if isinstance(x, tuple) else x.copy() for x in self._room)
-        )
+        copy._room = VectorRoom(*(x.copy() for x in self._room))
         return copy
 
     def _change(self, kernel: Any, h: float) -> None:
@@ -217,11 +209,11 @@ class MapTangents(InLanes):
         """Return the derivative of (q, p) by (q, v) of what `seen` returned, or at the start, (2 d, 2 d): x, y, z of
         each varied body in turn, p times G.
         """
-        q, v = self.state()
-        return momenta_by_velocities(self._lagrangian, q, v, self.time, self._bodies, self._gm)
-
-
-def _pair_of(strength: Array, own: list[Array]) -> tuple[Array, ...]:
-    """Return the parameters of the terms for two bodies, of which the first is the dominant one."""
-    pair = np.array([strength[0], strength[1:].max(), 0.0])
-    return pair, *(np.concatenate([[0.0], vector[1:]]) for vector in own)
+        gm = self._gm[self._bodies]
+        if SEPARABLE in self._lagrangian.traits:
+            return momenta_by_velocities(gm)
+        (q, v), model = self.state(), Model(self._lagrangian.tag, self._parameters)
+        duals, bodies = on_duals(self._parameters, len(q)), np.array(self._bodies, dtype=np.int64)
+        with known_derivatives(self._lagrangian):
+            found = momenta_of(model, duals, self.time, q.ravel(), v.ravel(), np.zeros(0), bodies)
+        return momenta_by_velocities(gm, *found)

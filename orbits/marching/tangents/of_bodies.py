@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -21,27 +21,20 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.kernels.gravity.terms_and_forces import acted_on
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.lanes.dual import NUMBERS
 from orbits.kernels.steps import Model
-from orbits.kernels.tangents.by_duals import Acting, write_sources_now
+from orbits.kernels.tangents.by_duals import OnDuals, write_blocks
 from orbits.kernels.tangents.through_momenta import MomentaRoom, follow_momenta
 from orbits.kernels.tangents.through_stages import ETA, Course, Fan, Room, follow
-from orbits.lagrangians.base import GIVEN, GRADIENTS, SEPARABLE, Lagrangian
+from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.motion import Motion
 from orbits.marching.tangents.in_lanes import InLanes
 from orbits.tableaux import PartitionedTableau, SymplecticTableau
 from orbits.tableaux.partitioned import DIGITS
 
-
-class Slopes(NamedTuple):
-    """The derivatives by P parameters of what acts.
-
-    vectors : of the parameter vectors of the Lagrangian and of each force, (P, length) each
-    whole : whether the Lagrangian depends on one of them, not forces alone
-    """
-
-    vectors: tuple[Array, ...]
-    whole: bool
+Slopes = tuple[Any, ...]
+"""The derivatives of the parameter vectors of the Lagrangian and of each force by P parameters, (P, length) each."""
 
 
 class Tangents(InLanes):
@@ -55,7 +48,7 @@ class Tangents(InLanes):
     scale : None, or the unit of time in which velocities count in the lengths of the vectors whose growth is measured
     forces : without a Lagrangian; slopes : None, or those by parameters, each of which has a vector after the others
 
-    Raises InputError if the derivative of the method, of a term or of a force is not known.
+    Raises InputError if the derivative of the method is not known.
     """
 
     def __init__(
@@ -73,7 +66,7 @@ class Tangents(InLanes):
         slopes: Slopes | None = None,
     ) -> None:
         by_force = bool(forces) or slopes is not None
-        require_tangents(integrator, lagrangian, by_force=by_force)
+        require_tangents(integrator, by_force=by_force)
         self._lagrangian, self._integrator, self._slopes = lagrangian, integrator, slopes
         self._forces = [force.name for force in forces]
         self._with_momenta = by_force or SEPARABLE not in lagrangian.traits
@@ -82,33 +75,36 @@ class Tangents(InLanes):
         self._table = (momenta_table_of if self._with_momenta else table_of)(integrator.tableau)
         strength = np.asarray(parameters[0] if isinstance(parameters, tuple) else parameters)
         self._some, self._inertia = np.array(bodies, dtype=np.int64), 1.0 / strength[1:]
-        varied, more = len(vectors), 0 if slopes is None else len(slopes.vectors[0])
+        varied, more = len(vectors), 0 if slopes is None else len(slopes[0])
         self._count, n, s = varied + more, len(self._inertia), len(self._table)
         inner = np.concatenate([np.zeros(0), *(force.inner for force in forces)])
-        d, groups = 3 * len(self._some), (self._count + WIDTH - 1) // WIDTH
-        e = d + len(inner)
+        d, m, groups = 3 * len(self._some), len(inner), (self._count + WIDTH - 1) // WIDTH
+        e, rows = d + m, d + m + more
         self._vectors, self._kicks, self._growth = aligned(
-            (groups, 4, e, WIDTH),
+            (groups, 4, rows, WIDTH),
             (groups, s * (e + d if self._with_momenta else d), WIDTH),
             (0 if scale is None else groups, 5, WIDTH),
         )
-        of_terms = 27 * n * n if self._with_momenta or isinstance(parameters, tuple) else 1
-        stages, curvature, rows = (s, padded(3 * n)), (of_terms,), (e, WIDTH)
+        stages, duals = (s, padded(3 * n)), on_duals(self._model.parameters, n, m, slopes)
         if self._with_momenta:
-            rows_given = 6 * n if GIVEN in lagrangian.traits else 0
-            turned = (len(inner),), (s, len(inner)), (s, len(inner)), (WIDTH,), (rows_given, WIDTH)
-            shapes = *[stages] * 4, stages[1:], curvature, (s, 4, e, e), rows, rows, *turned
-            own = _acting(self._model.parameters, slopes, n, inner, s, d, varied) if by_force else None
-            self._room: Any = MomentaRoom(*[*aligned(*shapes), own])
+            columns, given = (rows + d + WIDTH - 1) // WIDTH * WIDTH, 6 * n if GIVEN in lagrangian.traits else 0
+            turned = (m,), (s, m), (s, m), (WIDTH,), (given, WIDTH)
+            shapes = *[stages] * 4, stages[1:], (s, 2, e, columns), (rows + d, WIDTH), (e, WIDTH), *turned
+            self._room: Any = MomentaRoom._make([*aligned(*shapes), duals])
             self._room.y[:] = inner
         else:
-            self._room = Room(*aligned(stages, stages, curvature, (s, d, d), rows, (s,), (s, WIDTH)))
+            shapes = stages, stages, (s, d, d), (d, WIDTH), (s,), (s, WIDTH)
+            self._room = Room._make([*aligned(*shapes), duals])
         self._before = 0.0
         self._now = 0.0, np.array(q, dtype=np.float64).ravel(), np.array(v, dtype=np.float64).ravel()
-        given = np.zeros((self._count, 2, len(self._some), 3))
-        given[:varied] = vectors
-        lanes = np.zeros((self._count, 2, e))
-        lanes[:, :, :d] = np.moveaxis(self._by_momenta(given), 3, 2).reshape(self._count, 2, d)
+        given_vectors = np.zeros((self._count, 2, len(self._some), 3))
+        given_vectors[:varied] = vectors
+        lanes = np.zeros((self._count, 2, rows))
+        lanes[varied:, 0, e:] = np.eye(more)
+        lanes[:, :, :d] = np.moveaxis(given_vectors, 3, 2).reshape(self._count, 2, d)
+        if self._with_momenta:
+            others, by_velocity = self._momenta()
+            lanes[:, 1, :d] = lanes[:, 0] @ others.T + lanes[:, 1, :d] @ by_velocity.T
         self._write(lanes)
         self._scale = self._begin_growth(scale)
 
@@ -123,7 +119,7 @@ class Tangents(InLanes):
         fan = Fan(self._vectors, self._kicks, self._growth)
         kernel = follow_momenta if self._with_momenta else follow
         others = self._some, self._inertia, self._scale, self._room
-        with self._known_derivatives():
+        with known_derivatives(self._lagrangian, self._forces):
             done = kernel(self._model, self._table, course, self._before, fan, *others)
         self._before = float(course.lengths[-1])
         size = 3 * len(self._inertia)
@@ -139,20 +135,6 @@ class Tangents(InLanes):
                 time=t,
             )
 
-    @contextmanager
-    def _known_derivatives(self) -> Iterator[None]:
-        """Raise InputError if a kernel does not run on the numbers that give derivatives."""
-        try:
-            yield
-        except NumbaError as error:
-            named = " or ".join(self._forces) or self._lagrangian.name
-            why = " ".join(line.strip() for line in str(error).splitlines() if ">>>" in line)
-            raise InputError(
-                f"the derivatives of {named} are not known: a kernel takes numbers and lanes, but no dual numbers, "
-                f"with which it would give its derivatives ({why or type(error).__name__}). Write it with what "
-                "orbits.kernels.lanes has for all of them."
-            ) from error
-
     def branched(self) -> Tangents:
         """Return a copy that can follow another march from here, such as a part of a step."""
         copy: Tangents = object.__new__(Tangents)
@@ -163,101 +145,87 @@ class Tangents(InLanes):
 
     def vectors(self) -> Array:
         """Return the vectors, (count, 2, bodies, 3), rounded to float64; those of parameters come last."""
-        lanes = self._read()[:, :, : 3 * len(self._some)].reshape(self._count, 2, 3, -1)
-        return self._by_velocities(np.ascontiguousarray(np.moveaxis(lanes, 2, 3)))
+        d, lanes = 3 * len(self._some), self._read()
+        found = lanes[:, :, :d].copy()
+        if self._with_momenta:
+            others, by_velocity = self._momenta()
+            found[:, 1] = np.linalg.solve(by_velocity, (found[:, 1] - lanes[:, 0] @ others.T).T).T
+        return np.ascontiguousarray(np.moveaxis(found.reshape(self._count, 2, 3, -1), 2, 3))
 
     def to_momenta(self) -> Array:
         """Return the derivative of (q, p) by (q, v) here and now, (2 d, 2 d): x, y, z of each varied body in turn, p
         times G.
         """
+        found = self._momenta() if self._with_momenta else ()
+        return momenta_by_velocities(1.0 / self._inertia[self._some], *found)
+
+    def _momenta(self) -> tuple[Array, Array]:
+        """Return the derivatives of dL/dv over GM here and now, see `momenta_of`."""
         t, q, v = self._now
-        return momenta_by_velocities(self._lagrangian, q, v, t, self._some, 1.0 / self._inertia)
-
-    def _by_momenta(self, vectors: Array) -> Array:
-        """Return vectors of dq and dv, (count, 2, bodies, 3), as those of dq and dw = dp / m, here and now."""
-        if self._with_momenta:
-            mixed, mass, gm = self._curvatures()
-            dq, dv = (vectors[:, k].reshape(self._count, -1) for k in range(2))
-            dw = (dq @ mixed + dv @ mass) / gm - self._sources()
-            vectors[:, 1] = dw.reshape(vectors[:, 1].shape)
-        return vectors
-
-    def _by_velocities(self, vectors: Array) -> Array:
-        """Undo `_by_momenta`."""
-        if self._with_momenta:
-            mixed, mass, gm = self._curvatures()
-            dq, dw = (vectors[:, k].reshape(self._count, -1) for k in range(2))
-            dw = dw + self._sources()
-            vectors[:, 1] = np.linalg.solve(mass, (dw * gm - dq @ mixed).T).T.reshape(vectors[:, 1].shape)
-        return vectors
-
-    def _sources(self) -> Any:
-        """Return the derivatives of -dL/dv, per GM, by the parameter of each vector, (count, d), here and now."""
-        if self._slopes is None or not self._slopes.whole or SEPARABLE in self._lagrangian.traits:
-            return 0.0  # momenta are m v
-        t, q, v = self._now
-        m, d = len(self._some), 3 * len(self._some)
-        own = np.zeros(self._room.acting.sources.shape[1:])
-        x, w = (np.ascontiguousarray(each.reshape(-1, 3).T).ravel() for each in (q, v))
-        with self._known_derivatives():
-            write_sources_now(self._model, self._room.acting, t, x, w, self._room.y, self._some, own)
-        found = np.zeros((self._count, d))
-        found[self._count - len(own) :] = own[:, -d:].reshape(-1, 3, m).swapaxes(1, 2).reshape(-1, d)
-        return found
-
-    def _curvatures(self) -> tuple[Array, Array, Array]:
-        """Return d2L/dq dv and d2L/dv dv, (d, d), and GM, (d,), of the varied bodies, x, y, z of each in turn."""
-        t, q, v = self._now
-        return _curvatures(self._lagrangian, q, v, t, self._some, 1.0 / self._inertia)
+        with known_derivatives(self._lagrangian, self._forces):
+            return momenta_of(self._model, self._room.duals, t, q, v, self._room.y, self._some)
 
 
-def _acting(
-    parameters: Any, slopes: Slopes | None, n: int, inner: Array, s: int, d: int, first: int
-) -> Acting:
-    """Return the workspace for forces and parameters of n bodies; first : the number of vectors before those of
-    parameters.
+def momenta_of(
+    model: Model, duals: OnDuals, t: float, q: Array, v: Array, y: Array, some: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Return the derivatives of dL/dv over GM of some bodies, (d, rows) by what stands in the rows of dq of a vector,
+    and (d, d) by velocities; q, v : (3n,), x, y, z of each body in turn
     """
-    vectors = tuple(x.astype(np.complex128) if isinstance(x, np.ndarray) else x for x in parameters)
-    none = [np.zeros((0, len(x))) if isinstance(x, np.ndarray) else x for x in parameters]
-    found = none if slopes is None else slopes.vectors
-    ends = tuple(
-        np.concatenate([x, np.zeros((1, x.shape[1]))]) if isinstance(x, np.ndarray) else x for x in found
-    )
-    count = len(ends[0]) - 1
-    q, v, f, p = np.zeros((4, 3 * n), np.complex128)
-    y, rates = np.zeros((2, len(inner)), np.complex128)
-    whole = 0 if slopes is not None and slopes.whole else None
-    sources = np.zeros((s, count, 2 * d + len(inner)))
-    (more,) = aligned((s, 2 * d + len(inner), WIDTH))
-    return Acting(vectors, ends, whole, q, v, f, p, y, rates, sources, more, first)
+    d, m = 3 * len(some), len(y)
+    rows = d + m + len(duals.count)
+    x, w = (np.ascontiguousarray(each.reshape(-1, 3).T).ravel() for each in (q, v))
+    out = np.zeros((2, d + m, rows + d + WIDTH))
+    write_blocks(model, duals, t, x, w, y, some, out)
+    return out[1, :d, :rows], out[1, :d, rows : rows + d] + np.eye(d)
 
 
-def _curvatures(
-    lagrangian: Lagrangian, q: Array, v: Array, t: float, bodies: NDArray[Any], gm: Array
-) -> tuple[Array, Array, Array]:
-    own_gm = np.repeat(gm[bodies], 3)
-    if SEPARABLE in lagrangian.traits:
-        return np.zeros((len(own_gm), len(own_gm))), np.diag(own_gm), own_gm
-    own = (3 * bodies[:, None] + np.arange(3)).ravel()
-    _, mixed, mass = lagrangian.hessians(q.ravel(), v.ravel(), t)
-    return mixed[np.ix_(own, own)], mass[np.ix_(own, own)], own_gm
-
-
-def momenta_by_velocities(
-    lagrangian: Lagrangian, q: Array, v: Array, t: float, bodies: NDArray[Any], gm: Array
-) -> Array:
+def momenta_by_velocities(gm: Array, others: Array | None = None, by_velocity: Array | None = None) -> Array:
     """Return the derivative of (q, p) by (q, v) of some bodies, (2 d, 2 d): x, y, z of each in turn, p times G.
 
-    q, v : (n, 3) of all; gm : (n,)
+    gm : of each; others, by_velocity : of `momenta_of`; None for momenta m v
     """
-    mixed, mass, _ = _curvatures(lagrangian, q, v, t, bodies, gm)
-    d = len(mass)
-    return np.block([[np.eye(d), np.zeros((d, d))], [mixed.T, mass]])
+    m, d = len(gm), 3 * len(gm)
+    order = np.arange(d).reshape(3, m).T.ravel()  # all x, then all y, then all z, to those of each body
+    mixed, mass = np.zeros((d, d)), np.eye(d)
+    if others is not None and by_velocity is not None:
+        mixed, mass = others[np.ix_(order, order)], by_velocity[np.ix_(order, order)]
+    weight = np.repeat(gm, 3)[:, None]
+    return np.block([[np.eye(d), np.zeros((d, d))], [weight * mixed, weight * mass]])
 
 
-def require_tangents(integrator: Integrator, lagrangian: Lagrangian, *, by_force: bool = False) -> None:
-    """Raise InputError, with the reason, if the derivative of a method or of a Lagrangian of bodies is not known;
-    by_force : with forces without a Lagrangian, or by parameters.
+@contextmanager
+def known_derivatives(lagrangian: Lagrangian, forces: Sequence[str] = ()) -> Iterator[None]:
+    """Raise InputError if a kernel does not run on the numbers that give derivatives; forces : their names."""
+    try:
+        yield
+    except NumbaError as error:
+        named = " or ".join(forces) or lagrangian.name
+        why = " ".join(line.strip() for line in str(error).splitlines() if ">>>" in line)
+        raise InputError(
+            f"the derivatives of {named} are not known: a kernel takes numbers and lanes, but no dual numbers, with "
+            f"which it would give its derivatives ({why or type(error).__name__}). Write it with what "
+            "orbits.kernels.lanes has for all of them."
+        ) from error
+
+
+def on_duals(parameters: Any, n: int, m: int = 0, slopes: Slopes | None = None) -> OnDuals:
+    """Return the workspace for n bodies and m internal variables."""
+    vectors, count = parameters, 0
+    if slopes is not None:
+        vectors, count = tuple(_with_slopes(x) for x in parameters), len(slopes[0])
+    shapes = (count,), *[(3 * n, NUMBERS)] * 4, *[(m, NUMBERS)] * 2
+    return OnDuals(vectors, slopes, *(np.zeros(shape) for shape in shapes))
+
+
+def _with_slopes(vector: Any) -> Any:
+    """Return a parameter vector as dual numbers; what is none, as it is."""
+    return np.pad(vector[:, None], ((0, 0), (0, NUMBERS - 1))) if isinstance(vector, np.ndarray) else vector
+
+
+def require_tangents(integrator: Integrator, *, by_force: bool = False) -> None:
+    """Raise InputError, with the reason, if the derivative of a method is not known; by_force : with forces without a
+    Lagrangian, or by parameters.
     """
     if not isinstance(getattr(type(integrator), "tableau", None), property):
         raise InputError(
@@ -268,16 +236,6 @@ def require_tangents(integrator: Integrator, lagrangian: Lagrangian, *, by_force
             f"derivatives with forces, or by parameters, are known of symplectic Runge-Kutta methods alone, not of "
             f"{integrator.label}; use Gauss(stages=8)."
         )
-    require_hessians(lagrangian)
-
-
-def require_hessians(lagrangian: Lagrangian) -> None:
-    """Raise InputError, with the term, if second derivatives of a Lagrangian of bodies are not known."""
-    summands = getattr(lagrangian, "summands", ())
-    without = [term.name for term in summands if not term.tag.provides("hessians")]
-    if without or GRADIENTS not in lagrangian.traits:
-        what = f"the term '{without[0]}'" if without else f"'{lagrangian.name}'"
-        raise InputError(f"{what} has no second derivatives, so variations are not known; give its kernels `hessians`.")
 
 
 @lru_cache(maxsize=64)

@@ -72,7 +72,7 @@ def require_followable(
                 'encounters="warn", or Gauss(stages=8) without dt.'
             )
     else:
-        require_tangents(integrator, acting.lagrangian, by_force=bool(acting.forces or parameters))
+        require_tangents(integrator, by_force=bool(acting.forces or parameters))
     form_of_bodies(integrator, acting.lagrangian, grid.clock, with_particles=False, forces=acting.forces)
     if isinstance(grid.clock, TimeTransformed):
         raise InputError(

@@ -32,14 +32,10 @@ def slopes_of(system: System, parameters: Sequence[Parameter]) -> Slopes:
     Raises InputError for a parameter whose value is 0 if it does not enter linearly.
     """
     found = [_derivatives(system, one) for one in parameters_of(system, [p.name for p in parameters])]
-    first = _vectors(system)
-    of_terms = len(first) - len(system.forces)
-    stacked = tuple(
+    return tuple(
         np.stack(columns) if isinstance(own, np.ndarray) else own
-        for own, columns in zip(first, zip(*found, strict=True), strict=True)
+        for own, columns in zip(_vectors(system), zip(*found, strict=True), strict=True)
     )
-    whole = any(np.any(x) for x in stacked[:of_terms] if isinstance(x, np.ndarray))
-    return Slopes(stacked, whole)
 
 
 def _vectors(system: System) -> tuple[Any, ...]:

@@ -70,9 +70,9 @@ def state_transition(
 
     It is the derivative of what the method computes: of its steps, for as many as are taken, at fixed lengths. That of
     a symplectic method is symplectic to round-off. The orbit is that of `orbits.propagate` to the last bit for massive
-    bodies, and to round-off for massless particles. For all methods, and for all terms that give second derivatives;
-    for forces without a Lagrangian, and for parameters, with symplectic Runge-Kutta methods such as Gauss.
-    Nothing is stored: an interrupted computation is lost.
+    bodies, and to round-off for massless particles. For all methods and terms; for
+    forces without a Lagrangian, and for parameters, with symplectic Runge-Kutta methods such as Gauss. Nothing is
+    stored: an interrupted computation is lost.
 
     Raises InputError for invalid arguments, for a method, a term or a force whose derivative is not known, and for a
     matrix that exceeds the range of numbers; otherwise as `orbits.propagate`. The blocks of a
