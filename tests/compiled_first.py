@@ -42,6 +42,7 @@ TASKS: dict[str, Callable[[], Any]] = {
     "steps chosen one by one": lambda: run(particles=9),
     "maps that are left": lambda: run(orbits.WisdomHolman(encounters="follow"), 9, dt=0.05),
     "maps": lambda: run(orbits.WisdomHolman(), 9, dt=0.05, approaches=True),
+    "maps of bodies alone": lambda: run(orbits.WisdomHolman(), dt=0.05),
     "Gauss": lambda: run(orbits.Gauss(stages=4), 9, dt=0.05),
     "certificate": lambda: certify(orbits.Gauss(stages=4)),
     "certificate of kicks": lambda: certify(orbits.StormerVerlet()),
