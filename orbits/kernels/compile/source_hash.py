@@ -60,15 +60,16 @@ def is_covered(file: str) -> bool:
 def stamp_of(package: Path) -> Stamp:
     """Return the stamp of the package in a folder."""
     texts = {name: _code(package, name) for name in _candidates(package)}
-    code = {name: x for name, x in texts.items() if name.startswith(GENERATORS) or holds_kernels(imports(x))}
-    left, seen = list(code.values()), set[str]()
+    taken = {name: imports(text) for name, text in texts.items()}
+    code = {name: x for name, x in texts.items() if name.startswith(GENERATORS) or holds_kernels(taken[name])}
+    left, seen = [taken[name] for name in code], set[str]()
     while left:
-        for module in imports(left.pop()) - seen:
+        for module in left.pop() - seen:
             seen.add(module)
             name = _file_of(package, module)
             if name is not None and name not in code:
                 code[name] = texts.get(name) or _code(package, name)
-                left.append(code[name])
+                left.append(taken.get(name) or imports(code[name]))
     total = hashlib.sha256()
     for name in sorted(code):
         total.update(f"{name}\0{code[name]}\0".encode())
