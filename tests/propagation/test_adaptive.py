@@ -328,8 +328,8 @@ def test_many_samples_in_a_step_cost_no_marching(monkeypatch):
 
 @pytest.mark.parametrize("samples", [2, 101])
 def test_a_short_run_is_bound_once_and_marches_its_steps_in_one_block(samples, monkeypatch):
-    """A call of a millisecond, as in a fit: nothing is made or marched twice for its start or its end, and the part of
-    a step up to the end is marched for the record of close approaches when this is asked for, once.
+    """A call of a millisecond, as in a fit: nothing is made or marched twice for its start or its end. The part of a
+    step up to the end is marched for the record of close approaches, once, when that is asked for.
     """
     made, blocks = [], []
     make, block = Leg.__init__, BlockLoop.one_block
