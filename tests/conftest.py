@@ -6,7 +6,7 @@ import signal
 from hypothesis import settings
 
 # The same few examples in every run; `make nightly` takes many new ones.
-settings.register_profile("few", max_examples=40, deadline=None, derandomize=True, database=None)
+settings.register_profile("few", max_examples=20, deadline=None, derandomize=True, database=None)
 settings.register_profile("nightly", max_examples=1000, deadline=None, derandomize=False, print_blob=True)
 settings.load_profile("few")
 

@@ -203,11 +203,25 @@ def test_compare_takes_its_peers_from_the_command_line(tmp_path):
     assert json.loads((tmp_path / "comparison.json").read_text()) == record["cases"][""]
 
 
-def test_certify_judges_variational_methods_and_shows_controls(tmp_path):
-    out = call("certify", "pendulum", "--out", tmp_path)
+@pytest.fixture
+def judged(tmp_path):
+    """A study of Kepler's problem by a variational method and two that are none."""
+    path = tmp_path / "judged.py"
+    path.write_text(
+        "import orbits\n"
+        "kepler, methods = orbits.lagrangians.kepler, orbits.methods\n"
+        "three = [orbits.StormerVerlet(), methods.RungeKutta4(), methods.ExplicitEuler()]\n"
+        "scenario = orbits.scenarios.Study(name='judged', title='Judged', experiment=print,\n"
+        "    certifies=[(kepler, method, 0.1) for method in three])\n"
+    )
+    return path
+
+
+def test_certify_judges_variational_methods_and_shows_controls(judged, tmp_path):
+    out = call("certify", judged, "--out", tmp_path)
     assert out.exit_code == 0, out.output
     text = " ".join(out.stdout.split())
-    assert "StormerVerlet() on pendulum, dt = 0.1" in text
+    assert "StormerVerlet() on kepler, dt = 0.1" in text
     assert "a variational integrator, as declared" in text
     assert text.count("NOT CERTIFIED") == text.count("a control, shown for comparison") == 2
     assert "ok: 1 certified, 2 controls not judged" in text
@@ -217,8 +231,8 @@ def test_certify_judges_variational_methods_and_shows_controls(tmp_path):
         (True, False),
         (True, False),
     ]
-    again = ["certify", "pendulum", "--integrator", "stormer-verlet", "--out", tmp_path]
-    assert call(*again).exit_code == 0  # its own file may be replaced
+    again = ["certify", judged, "--integrator", "explicit-euler", "--out", tmp_path]
+    assert call(*again).exit_code == 1  # its own file may be replaced
     (tmp_path / "certificate.json").write_text("my notes")
     assert call(*again).exit_code == 2
 
@@ -246,8 +260,8 @@ def test_what_a_run_minds_is_said_in_sentences_and_of_controls_once(kepler_run, 
     assert "one by one. ..." not in alone
 
 
-def test_certify_fails_a_control_that_was_asked_for(tmp_path):
-    out = call("certify", "pendulum", "--integrator", "runge-kutta-4", "--dt", "0.2", "--json", "--out", tmp_path)
+def test_certify_fails_a_control_that_was_asked_for(judged, tmp_path):
+    out = call("certify", judged, "--integrator", "runge-kutta-4", "--dt", "0.2", "--json", "--out", tmp_path)
     assert out.exit_code == 1, out.output
     record = json.loads(out.stdout)
     (entry,) = record["certificates"]

@@ -158,6 +158,7 @@ def test_plot_says_which_kinds_there_are(tmp_path: Path) -> None:
     assert "expected one of 'paths', 'elements', 'phase', 'resonance', 'error', 'energy'" in said
 
 
+@pytest.mark.nightly
 def test_plot_draws_how_a_rigid_body_turns(tmp_path: Path) -> None:
     system = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Jupiter"])
     jupiter = orbits.RigidBody(A=0.25, B=0.25, C=0.26, radius=71492 * u.km, spin=10 * u.rad / u.day)

@@ -24,8 +24,8 @@ LINEAR = {"free-particle", "harmonic-oscillator"}
 BY_ALL = "kepler"
 """The Lagrangian on which a method of each family is certified by default."""
 
-BESIDE = {"charged-particle": "LobattoIIIAB(stages=3)", "heavy-top": "LieGroupVariational()"}
-"""What it has not, with one method each: velocities in forces, rigid bodies."""
+BESIDE = {"heavy-top": "LieGroupVariational()"}
+"""A rigid body, with the method that serves no other."""
 
 ALL = [*(m for cls in methods().values() for m in cls.examples()), Composition(Rattle(), order=4)]
 MATRIX = [(name, m) for name, L in sorted(lagrangians().items()) for m in ALL if m.serves(L)]

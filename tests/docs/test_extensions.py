@@ -66,6 +66,7 @@ def test_no_docstring_whatever_is_misread_as_markup(text: str) -> None:
     assert not complaints(read("A summary.\n\n" + text))
 
 
+@pytest.mark.nightly
 @each("page", sorted({entry.page for entry in documented()}))
 def test_every_docstring_of_the_reference_is_read_without_complaint(page: str) -> None:
     for entry in documented():

@@ -25,11 +25,13 @@ from ..coverings import each
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.nightly
 def test_the_site_builds_without_a_warning_or_a_network(site: Path) -> None:
     assert (site / "index.html").is_file()
     assert (site / "searchindex.js").is_file()
 
 
+@pytest.mark.nightly
 def test_every_reference_within_the_site_leads_somewhere(site: Path) -> None:
     pages = {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html")}
     anchors = {page: {unescape(found) for found in re.findall(r' id="([^"]+)"', text)} for page, text in pages.items()}
@@ -43,6 +45,7 @@ def test_every_reference_within_the_site_leads_somewhere(site: Path) -> None:
             assert not anchor or anchor in anchors[file] or listing, f"{page}: {target}"
 
 
+@pytest.mark.nightly
 def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
     for page in site.rglob("*.html"):
         text = page.read_text(encoding="utf-8")
@@ -51,6 +54,7 @@ def test_nothing_is_loaded_from_elsewhere(site: Path) -> None:
         assert not re.findall(r"(?:@import|url\() *[\"']?https?:[^\"')]*", sheet.read_text(encoding="utf-8")), sheet
 
 
+@pytest.mark.nightly
 def test_every_public_name_has_its_place(site: Path) -> None:
     text = "".join(page.read_text(encoding="utf-8") for page in (site / "_generated" / "api").glob("*.html"))
     shown = set(re.findall(r' id="(orbits\.[\w.]+)"', text))
@@ -64,6 +68,7 @@ def test_every_name_of_the_reference_is_documented(name: str) -> None:
     assert entry.doc, f"{name} is public and has no docstring"
 
 
+@pytest.mark.nightly
 def test_every_scenario_integrator_and_command_is_shown(site: Path) -> None:
     gallery, methods, commands = (
         (site / f"{page}.html").read_text(encoding="utf-8") for page in ("gallery", "integrators", "command_line")

@@ -12,6 +12,7 @@ import orbits
 from orbits.elements.moid import Conics, come_within, least_distances
 from orbits.errors import InputError
 
+from ..coverings import first
 from .guaranteed_search import Ellipses, least_distance
 from .pairs_of_orbits import KINDS, any_pairs, ellipses
 
@@ -87,9 +88,10 @@ def test_ellipses_have_the_least_distance_of_a_search_that_cannot_miss_it(kind: 
     np.testing.assert_allclose(found, np.linalg.norm(places[1] - places[0], axis=1), rtol=3e-16)
 
 
+@pytest.mark.parametrize("n", first(1, [8, 30]))
 @pytest.mark.parametrize("kind", ["hyperbolas", "parabolas", "nearly parabolas"])
-def test_open_orbits_have_the_least_distance_of_a_dense_search(kind: str) -> None:
-    rng, n = np.random.default_rng(len(kind)), 30
+def test_open_orbits_have_the_least_distance_of_a_dense_search(kind: str, n: int) -> None:
+    rng = np.random.default_rng(len(kind))
     near = 1.0 + rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(-13, -2, n)
     e = {"hyperbolas": rng.uniform(1.0, 4.0, n), "parabolas": np.ones(n), "nearly parabolas": near}[kind]
     one, other = turned(e, rng), turned(rng.uniform(0.0, 1.5, n), rng)

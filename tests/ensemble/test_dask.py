@@ -54,6 +54,7 @@ def test_workers_give_the_bits_of_threads_through_a_client_and_through_an_addres
     assert client.status == "running"
 
 
+@pytest.mark.nightly
 def test_a_worker_killed_in_the_middle_changes_no_bit(tmp_path, client, undisturbed):
     killed: list[int] = []
 
@@ -73,6 +74,7 @@ def test_a_worker_killed_in_the_middle_changes_no_bit(tmp_path, client, undistur
     assert not campaign.failed
 
 
+@pytest.mark.nightly
 def test_a_campaign_on_workers_that_was_stopped_goes_on_to_the_same_bits(tmp_path, client, undisturbed):
     def send() -> None:
         index = tmp_path / "c" / "index.jsonl"

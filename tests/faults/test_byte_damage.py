@@ -50,7 +50,7 @@ def outcome(use, path: Path) -> str:
     return "right" if right else "wrong numbers"
 
 
-@pytest.mark.parametrize("count", [60, pytest.param(4000, marks=pytest.mark.faults)])
+@pytest.mark.parametrize("count", [30, pytest.param(4000, marks=pytest.mark.faults)])
 def test_no_damaged_byte_gives_a_wrong_number_by_trajectory_or_resume(count, original, tmp_path):
     whole = original.read_bytes()
     rng = np.random.default_rng(count)
@@ -86,7 +86,7 @@ READERS = {
 }
 
 
-@pytest.mark.parametrize("reader", every(3, READERS))
+@pytest.mark.parametrize("reader", every(6, READERS))
 def test_every_way_of_reading_finds_a_flipped_bit_in_a_chunk_that_is_not_the_last(reader, original, tmp_path):
     data = bytearray(original.read_bytes())
     q = small.straight()[1]

@@ -266,7 +266,7 @@ def refusals(path: Path) -> list[OrbitsError]:
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("kind", every(4, REFUSED))
+@pytest.mark.parametrize("kind", every(8, REFUSED))
 def test_an_archive_that_no_run_writes_is_refused_when_it_is_opened(kind, original):
     path = hostile.made(original, original.with_name("hostile.h5"), REFUSED[kind])
     errors = refusals(path)
@@ -279,7 +279,7 @@ def test_an_archive_that_no_run_writes_is_refused_when_it_is_opened(kind, origin
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("kind", every(4, NOT_RESUMED))
+@pytest.mark.parametrize("kind", every(8, NOT_RESUMED))
 def test_a_checkpoint_that_no_run_writes_is_refused_by_resume(kind, original):
     path = hostile.made(original, original.with_name("hostile.h5"), NOT_RESUMED[kind])
     with at_most(SECONDS), pytest.raises(OrbitsError) as caught:

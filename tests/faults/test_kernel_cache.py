@@ -78,7 +78,7 @@ def damage(folder: Path, seed: int, rounds: int) -> None:
 
 
 def test_a_damaged_cache_file_costs_a_compilation_and_nothing_else(tmp_path):
-    damage(tmp_path, seed=1, rounds=15)
+    damage(tmp_path, seed=1, rounds=8)
 
 
 @pytest.mark.faults
@@ -195,6 +195,7 @@ for x in (0.25, 1)[:: {order}]:  # two signatures, whose entries share an index
 """
 
 
+@pytest.mark.faults
 def test_processes_that_compile_into_one_cache_at_once_give_the_same_bits_and_leave_it_whole(tmp_path):
     """As workers of a test run do. Of two that write an index at once one may lose its entry, and compiles again."""
     (tmp_path / "kernels.py").write_text(KERNELS)
@@ -227,7 +228,13 @@ def test_a_full_disk_costs_the_cache_and_not_the_result(kept, tmp_path):
 STRICT = "import warnings\nfrom orbits.errors import OrbitsWarning\nwarnings.simplefilter('error', OrbitsWarning)\n"
 
 
-@pytest.mark.parametrize("unusable", [lambda path: path.write_bytes(b"x" * 100), lambda path: path.chmod(0o666)])
+@pytest.mark.parametrize(
+    "unusable",
+    [
+        lambda path: path.write_bytes(b"x" * 100),
+        pytest.param(lambda path: path.chmod(0o666), marks=pytest.mark.faults),
+    ],
+)
 def test_where_warnings_are_errors_a_file_that_cannot_be_used_ends_one_process_only(kept, tmp_path, unusable):
     program, right, cache = kept
     shutil.copytree(cache, tmp_path / "cache")
@@ -326,7 +333,13 @@ AS_A_FILE = "import runpy\nrunpy.run_path({path!r}, run_name='__main__')"
 LOADED = "from orbits.scenario import load\nload({path!r})"
 
 
-@pytest.mark.parametrize("ways", [(AS_A_FILE, LOADED), (LOADED, AS_A_FILE)], ids=["script first", "script second"])
+@pytest.mark.parametrize(
+    "ways",
+    [
+        pytest.param((AS_A_FILE, LOADED), id="script first"),
+        pytest.param((LOADED, AS_A_FILE), id="script second", marks=pytest.mark.faults),
+    ],
+)
 def test_a_scenario_s_kernels_are_found_again_however_its_file_was_started(tmp_path, ways):
     """Compiled code remembers its module by name: that of a script does not exist for `orbits run`."""
     path = tmp_path / "squares.py"

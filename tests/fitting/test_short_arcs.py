@@ -16,7 +16,7 @@ from orbits.errors import ConvergenceError, InputError, OrbitsWarning
 from orbits.fitting.result import Fit
 from orbits.observing.three_directions import triples
 
-from ..coverings import each
+from ..coverings import each, first
 from .skies import mahalanobis, state
 
 EPOCH, MIDNIGHT, SIGMA = "2012-03-01", 2455987.5, 0.3
@@ -122,6 +122,7 @@ def test_a_body_called_as_one_of_the_ephemeris_is_refused(name):
         orbits.fit(renamed)
 
 
+@pytest.mark.nightly
 def test_few_observations_are_rejected_only_if_that_costs_less():
     """All good ones count; one that is an arcminute off does not, and takes no other along."""
     observations, _ = seen(MIDDLE_BELT, (*SIX, 14.0, 14.05), 1)
@@ -134,7 +135,7 @@ def test_few_observations_are_rejected_only_if_that_costs_less():
     assert np.flatnonzero(~fit.used).tolist() == [1]
 
 
-@each("days", [(2.0, 2.05, 2.1, 2.15, 2.2), (2.0, 2.05, 3.0, 3.05)])
+@pytest.mark.parametrize("days", first(1, [((2.0, 2.05, 3.0, 3.05),), ((2.0, 2.05, 2.1, 2.15, 2.2),)]), ids=len)
 def test_one_night_or_two_warn_with_the_range_of_orbits(days):
     observations, run = seen(MIDDLE_BELT, days, 0)
     fit, told = fitted(observations)
@@ -148,6 +149,7 @@ def test_one_night_or_two_warn_with_the_range_of_orbits(days):
     assert (np.diff(distance) > 0.0).all() or (np.diff(distance) < 0.0).all()
 
 
+@pytest.mark.nightly
 def test_an_outlier_in_the_middle_of_the_middle_night_does_not_hide_the_orbit():
     observations, run = seen(MIDDLE_BELT, (2.0, 2.05, 2.1, 6.0, 6.05, 6.1, 10.0, 10.05, 10.1), 1)
     records = [*observations.records]

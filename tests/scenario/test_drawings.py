@@ -15,6 +15,7 @@ def nothing_overlaps(figure):
     return not (seen.colliding_tick_labels(figure) or seen.legends_on_panels(figure) or seen.outside(figure))
 
 
+@pytest.mark.nightly
 def test_arenstorfs_passage_by_the_moon_is_drawn_in_an_inset_to_scale(monkeypatch):
     names = load("arenstorf").experiment.__globals__
     monkeypatch.setitem(names, "DRAWN", 4000)

@@ -13,6 +13,7 @@ def dust(**changes):
     return load("dust").with_changes(**{"duration": 60 * u.yr, "samples": 13, **changes})
 
 
+@pytest.mark.nightly
 def test_dust_falls_as_the_secular_formula_says(tmp_path):
     outcome = perform(dust(), out=tmp_path)
     assert outcome.ok, outcome.failures
@@ -22,6 +23,7 @@ def test_dust_falls_as_the_secular_formula_says(tmp_path):
     assert height >= 800
 
 
+@pytest.mark.nightly
 def test_a_drag_that_is_one_per_cent_off_fails(tmp_path, monkeypatch):
     scenario = dust(duration=100 * u.yr)
     names = scenario.checks.__globals__

@@ -61,6 +61,7 @@ def test_asteroids_that_are_not_in_resonance_fail_the_trojans(tmp_path, monkeypa
     assert "the Trojans stay about L4 and L5" in failed(outcome)
 
 
+@pytest.mark.nightly
 def test_a_short_or_a_coarse_run_of_trojans_is_not_judged_by_what_it_cannot_show(tmp_path, monkeypatch):
     few = perform(trojans(monkeypatch, 16, duration=400 * u.yr, samples=41), out=tmp_path, plot=False)
     coarse = perform(trojans(monkeypatch, 16, duration=20_000 * u.yr, samples=201), out=tmp_path)
@@ -83,6 +84,7 @@ def test_the_averaged_problem_has_the_widest_tadpole_and_the_period_of_small_lib
     assert names["potential"](nearest) == pytest.approx(names["potential"](np.pi), rel=1e-12)
 
 
+@pytest.mark.nightly
 def test_frequencies_of_the_giants_are_those_published(tmp_path, monkeypatch):
     """To 0.002 arcseconds a year, in 2.1 million years that resolve 0.6; demanded is 0.05."""
     outcome = perform(giants(monkeypatch), out=tmp_path)
@@ -94,6 +96,7 @@ def test_frequencies_of_the_giants_are_those_published(tmp_path, monkeypatch):
     assert seen_at_readers_size(tmp_path / "secular.png")
 
 
+@pytest.mark.nightly
 def test_a_jupiter_two_per_cent_heavier_fails_the_frequencies(tmp_path, monkeypatch):
     scenario = giants(monkeypatch, duration=5e5 * u.yr, samples=1001)
     monkeypatch.setitem(scenario.checks.__globals__, "LONG_ENOUGH", 4e5)

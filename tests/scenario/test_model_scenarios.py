@@ -41,6 +41,7 @@ def test_relativity_turns_mercurys_perihelion_by_43_arcseconds_a_century(monkeyp
     assert abs(names["rate"](names["turning"](sun_and_mercury))) < 1e-4
 
 
+@pytest.mark.nightly
 def test_a_scenario_that_expects_another_angle_fails(monkeypatch):
     names = parts("mercury")
     for key, value in {"CENTURIES": 0.25, "PLANETS": ("Venus",), "RELATIVITY": 44.0}.items():

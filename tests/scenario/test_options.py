@@ -281,19 +281,19 @@ def test_an_unfinished_run_goes_on_with_its_options_and_is_not_lost_to_others(tm
     chosen = pair().with_options(a=2.0)
     stop_after_the_first_samples(monkeypatch)
     with pytest.raises(Interrupted):
-        perform(chosen, out=tmp_path)
+        perform(chosen, out=tmp_path, plot=False)
     monkeypatch.undo()
     before = (tmp_path / "run.h5").read_bytes()
     told = "an unfinished run that is not this one: it has a=2.0, this one a=1.0. To complete it"
     with pytest.raises(InputError, match=told):
-        perform(pair(), out=tmp_path)
+        perform(pair(), out=tmp_path, plot=False)
     assert (tmp_path / "run.h5").read_bytes() == before
     said: list[str] = []
-    again = perform(chosen, out=tmp_path, say=said.append)
+    again = perform(chosen, out=tmp_path, plot=False, say=said.append)
     assert any("going on with the unfinished run" in line for line in said)
-    whole = perform(chosen, out=tmp_path / "whole")
+    whole = perform(chosen, out=tmp_path / "whole", plot=False)
     assert again.run.q.value.tobytes() == whole.run.q.value.tobytes()
-    assert perform(pair(), out=tmp_path).ok  # a finished run is replaced
+    assert perform(pair(), out=tmp_path, plot=False).ok  # a finished run is replaced
 
 
 def test_options_that_one_of_two_runs_has_not_are_told(tmp_path, monkeypatch) -> None:
@@ -311,12 +311,12 @@ def test_an_unfinished_run_goes_on_if_it_has_the_closest_approaches_that_are_ask
     for asked in (None, True):
         stop_after_the_first_samples(monkeypatch)
         with pytest.raises(Interrupted):
-            perform(verlet.with_changes(approaches=asked), out=tmp_path / str(asked))
+            perform(verlet.with_changes(approaches=asked), out=tmp_path / str(asked), plot=False)
         monkeypatch.undo()
     with pytest.raises(InputError, match=r"it looks for no closest approaches, and this one does\. To complete it"):
-        perform(verlet.with_changes(approaches=True), out=tmp_path / "None")
+        perform(verlet.with_changes(approaches=True), out=tmp_path / "None", plot=False)
     said: list[str] = []
-    run = perform(verlet, out=tmp_path / "True", say=said.append).run
+    run = perform(verlet, out=tmp_path / "True", plot=False, say=said.append).run
     assert any("going on with the unfinished run" in line for line in said)
     assert run.closest_approaches().names == ("star", "planet")
 
@@ -329,10 +329,10 @@ def test_only_a_failed_step_is_a_reason_to_replace_a_run(why) -> None:
 
 def test_a_run_that_failed_does_not_keep_others_from_its_folder(tmp_path) -> None:
     hopeless = pair(integrators=[orbits.Gauss(stages=8)], dt=8.0, duration=100.0)
-    assert not perform(hopeless.with_options(a=0.5), out=tmp_path).ok
+    assert not perform(hopeless.with_options(a=0.5), out=tmp_path, plot=False).ok
     with Archive.open(tmp_path / "run.h5") as archive:
         assert (archive.complete, archive.ended.how) == (False, "failed")
-    assert perform(pair(), out=tmp_path).ok
+    assert perform(pair(), out=tmp_path, plot=False).ok
 
 
 def test_an_archive_says_its_scenario_and_options_also_when_it_is_extended(tmp_path) -> None:

@@ -5,8 +5,10 @@ import subprocess
 import sys
 
 import pytest
+from typer.testing import CliRunner
 
 from orbits import integrators
+from orbits.cli import app
 from orbits.errors import InputError
 from orbits.scenario import warm_up
 from orbits.scenario.warm_up import Done, Task, WarmUp
@@ -43,6 +45,7 @@ def command(tmp_path):
     return run
 
 
+@pytest.mark.nightly
 def test_a_scenario_runs_without_compiling_after_it_was_warmed_up(command):
     out, messages = command("warm-up", "tiny.py")
     assert out.startswith("ready after ")
@@ -53,6 +56,14 @@ def test_a_scenario_runs_without_compiling_after_it_was_warmed_up(command):
     ran, messages = command("run", "tiny.py", "--no-plot")
     assert "compiled False" in ran
     assert "compiling" not in messages
+
+
+def test_a_scenario_is_made_ready_in_a_process_of_its_own(tmp_path):
+    path = tmp_path / "tiny.py"
+    path.write_text(SCENARIO.replace(", orbits.methods.ExplicitEuler()", ""))
+    done = CliRunner().invoke(app, ["warm-up", str(path)])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith(("ready after ", "nothing to compile: the kernels of 1 kinds of run"))
 
 
 def test_everything_has_each_method_with_and_without_massless_bodies_once():
