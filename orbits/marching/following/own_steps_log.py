@@ -7,12 +7,13 @@ computed for the same times, and the observers are called for this particle alon
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 from orbits.integrators.canonical.room import padded_length
 from orbits.kernels.binding import bodies
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH
+from orbits.kernels.lanes import WIDTH, full, load, select, store, unit
 from orbits.kernels.search.context import watch_at
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_particle
@@ -38,7 +39,7 @@ class Log(NamedTuple):
 
     observer, context : see `orbits.kernels.search.observers`; no observer is called, and nothing logged, for address 0
     counts : (2,) int64; at : (room, 2), number of a step of the bodies and the part of it that has passed
-    times, path, track : of the context, with room for as many states; track is NaN but for the particle's lane
+    times, path, track : of the context, with room for as many states; observers see the particle's lane of track alone
     found : (1,) int64, the number of steps in the last of which a pair may come to its bound, as in `hits`; see
         `orbits.kernels.search.context`
     order : (n,) int64, the bodies of the observers in the order of those of the field
@@ -85,6 +86,16 @@ def log_state(method, model, field, log, p, k, part, particle):
 
 
 @kernel(inline=True)
+def hide_others(track, p, last):
+    """Write NaN into the first entries of a track, up to `last`, for all particles but p: those before it in the group
+    have logged their states there as well, at other times.
+    """
+    mine, nothing = unit(p % WIDTH), full(math.nan)
+    for row in range(6 * (last + 1)):
+        store(track, row, select(mine > 0.0, load(track, row), nothing))
+
+
+@kernel(inline=True)
 def steps_until(log, row):
     """Return the number of steps of the bodies after which an entry is past."""
     return int(log.at[row, 0]) + (1 if log.at[row, 1] > 0.0 else 0)
@@ -109,6 +120,7 @@ def look(method, model, field, log, p):
             for i in range(3 * n):
                 log.path[entry + i], log.path[entry + stride + i] = log.whole[begin + i], log.whole[begin + stride + i]
     watch = watch_at(log.context)
+    hide_others(log.track, p, last)
     call_observer(log.observer, log.context, log.track, field.times[1] - field.times[0], last, first, p + 1)
     if watch.then != 0:
         hit = watch.hits[first // WIDTH]
@@ -133,7 +145,6 @@ def finish_log(method, model, field, log, p, steps, particle, status, seen, trac
             log_state(method, model, field, log, p, steps, 0.0, particle)
         if log.counts[ENTRIES] > 1:
             look(method, model, field, log, p)
-        hide(log.track, p, log.track.shape[0] // 6 - 1)
         hide(track, p, steps)
     log.counts[ENTRIES], log.counts[WANTED] = 0, 0
 
