@@ -158,6 +158,8 @@ class Collected:
     def takes(self, motion: Motion) -> bool:
         """Return whether there is room for the steps of a block, by the method of those before, and add them if so."""
         count, now = len(motion), self._count
+        if not count:  # without a step, it does not tell whether steps have polynomials
+            return True
         arrays = motion.times, motion.path, motion.kicks, motion.lengths
         other = self._like is not None and self._like._form != motion._form
         if now + count > self._most or (other and now):
