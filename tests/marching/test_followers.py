@@ -121,6 +121,7 @@ def test_nobody_waits_for_threads_that_do_not_come():
 def test_samples_leave_the_threads_to_the_march(monkeypatch):
     """A partial step, on a copy of the state, neither dismisses the threads nor binds the march anew."""
     monkeypatch.setattr("orbits.marching.stepping.pool.WORTHWHILE", 0.0)
+    monkeypatch.setattr("orbits.marching.stepping.pool.PATIENCE", 10**9)  # none leaves by itself
     march, dismissed = cloud(orbits.StormerVerlet(), 0.01, 2), []
     march.advance(100)
     march.advance(100)
