@@ -38,6 +38,7 @@ def test_derivatives_are_those_of_the_value(name):
     compare(MAKERS[name](heavy_top), Q0, Q1, H, 0.0, 1e-9, 0.01)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", MAKERS)
 def test_derivatives_are_those_of_the_value_for_two_bodies_and_their_places(name, pair):
     q0 = np.array(pair.example.q)

@@ -363,4 +363,4 @@ def test_the_cache_is_beside_the_source_only_where_nobody_else_may_write(tmp_pat
     spec = importlib.util.spec_from_file_location("mine", source)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    assert (Path(module.twice.cache.cache_path) == place) == beside
+    assert (Path(module.twice.entry.cache.cache_path) == place) == beside
