@@ -115,6 +115,8 @@ def least_squares(
             damping = damping / FACTOR if damping > LEAST_DAMPING else 0.0
             if np.linalg.norm(off - (r - change)) <= STILL_GOOD * np.linalg.norm(change):
                 continue
+        elif last:
+            return now
         elif exact:
             damping = max(FACTOR * damping, 10.0 * LEAST_DAMPING)
             if damping > MOST_DAMPING:

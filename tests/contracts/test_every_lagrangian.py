@@ -24,14 +24,15 @@ LINEAR = {"free-particle", "harmonic-oscillator"}
 BY_ALL = "kepler"
 """The Lagrangian on which a method of each family is certified by default."""
 
-BESIDE = {"heavy-top": "LieGroupVariational()"}
-"""A rigid body, with the method that serves no other."""
+BESIDE = {"heavy-top": "LieGroupVariational()", "pendulum-on-a-sphere": "Rattle()"}
+"""A rigid body, with the method that serves no other, and a constraint."""
 
-ALL = [*(m for cls in methods().values() for m in cls.examples()), Composition(Rattle(), order=4)]
+EXAMPLES = [m for cls in methods().values() for m in cls.examples()]
+ALL = [*EXAMPLES, Composition(Rattle(), order=4)]
 MATRIX = [(name, m) for name, L in sorted(lagrangians().items()) for m in ALL if m.serves(L)]
 
 
-FAMILIES = {type(m): m for m in ALL}
+FAMILIES = {type(m): m for m in EXAMPLES}
 """The last example of each class, which has the most stages."""
 
 

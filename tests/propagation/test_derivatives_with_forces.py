@@ -297,7 +297,6 @@ def of_user(spoilt):
     return bodies().with_forces(Walls())
 
 
-@pytest.mark.nightly
 def test_a_force_of_a_user_has_derivatives_without_a_line_for_them():
     system, d = of_user(False), np.random.default_rng(3).normal(size=(3, 6))
     q, v = system.values.q, system.values.v
@@ -305,7 +304,6 @@ def test_a_force_of_a_user_has_derivatives_without_a_line_for_them():
     assert np.abs(transition(system).matrix @ d.ravel() - truth).max() < 1e-11 * np.abs(truth).max()
 
 
-@pytest.mark.nightly
 def test_a_force_whose_kernel_cannot_give_derivatives_is_named():
     with pytest.raises(InputError, match=r"the derivatives of spoilt are not known: .*without_duals\(Dual\)"):
         transition(of_user(True))

@@ -10,7 +10,7 @@ computed once: the `Flow` of the Kepler motion, and the derivative of the kick, 
 The planets have no variations. Passages that the map cannot follow are noted on the way, by the rule by which others
 leave it (`orbits.kernels.search.encounters_of_particles`).
 
-Sources: those of `orbits.kernels.tangents.of_jacobi_kicks`.
+Sources: those of `orbits.kernels.tangents.map_stages`.
 """
 
 from __future__ import annotations
