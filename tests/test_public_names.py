@@ -215,7 +215,7 @@ def test_a_run_loads_the_method_that_it_needs_and_not_all_and_leaves_the_collect
         "orbits.propagate(pair, orbits.Gauss(stages=8), dt=0.1, duration=0.1, samples=2)\n"
         "kinds = ('integrators.saba', 'integrators.composition', 'lagrangians.terms.post_newtonian', 'forces.tides',"
         " 'lagrangians.pendulum', 'discrete', 'archive.reader', 'catalogue', 'observing.seen',"
-        " 'propagation.chain_of_legs', 'propagation.events.search.zeros', 'propagation.checks.kepler_splitting')\n"
+        " 'propagation.chain_of_legs', 'propagation.events.archived', 'propagation.checks.kepler_splitting')\n"
         "print(gc.isenabled(), [kind for kind in kinds if f'orbits.{kind}' in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)

@@ -185,7 +185,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         trajectory._kept = None  # steps are of the bodies of the start
     elif not grid.clock.changes:
         trajectory._record = marcher.current.record(observed_until(trajectory))
-    elif writer is None:
+    elif trajectory._place is None:  # in memory, or its archive is no longer there
         trajectory._ended = marcher.current.problem.approaches, marcher.current.checkpoint()
     yield None
     try:

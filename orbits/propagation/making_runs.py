@@ -22,7 +22,6 @@ from orbits.propagation.checks.rigid_runs import check_rigid
 from orbits.propagation.control.heartbeat import Heartbeat
 from orbits.propagation.control.stop_conditions import Condition, Conditions, check_callback
 from orbits.propagation.control.wall_clock import Deadline
-from orbits.propagation.events.archived import description_of
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Run, march
@@ -98,6 +97,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
         return in_memory._replace(heartbeat=how.heartbeat)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
+    from orbits.propagation.events.archived import description_of
 
     if not isinstance(certificate, bool | Certificate | None):
         raise InputError(f"certificate is a {type(certificate).__name__}; expected True or a result of orbits.certify")
