@@ -10,8 +10,8 @@ from astropy import units as u
 from orbits.body_names import index_of
 from orbits.checks import positive_number
 from orbits.ensemble.campaign import Campaign
-from orbits.ensemble.summaries import SURVIVED
-from orbits.errors import InputError, counted, shown
+from orbits.ensemble.summaries import LOST, SURVIVED
+from orbits.errors import ArchiveError, InputError, counted, shown
 from orbits.finding import Finding
 from orbits.results.chance import Chance
 
@@ -27,9 +27,10 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
         print(orbits.ensemble.impact_probability(campaign, "Earth", radius=6378.137 * u.km))
 
     radius : of the planet, as a point mass attracts: what comes closer to the centre hits
-    The nominal orbit, which is the first member, does not count, nor do clones that failed, or were lost before they
-    hit: a warning says how many, and how many still come nearer at the end. `TargetPlane.clones_needed` says how many
-    clones an error needs. Raises InputError for a campaign of systems, one that is not finished or did not look
+    A clone that is lost within the planet, where no step is short enough for a point mass, hits, if the campaign keeps
+    trajectories. The nominal orbit, which is the first member, does not count, nor do clones that failed, or were lost
+    elsewhere: a warning says how many, and how many still come nearer at the end. `TargetPlane.clones_needed` says how
+    many clones an error needs. Raises InputError for a campaign of systems, one that is not finished or did not look
     for approaches, and a radius that is no length; UnknownNameError for a planet that is not there.
     """
     if not isinstance(campaign, Campaign):
@@ -54,9 +55,21 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
             f"a campaign does not tell approaches to {planet}, about which its members orbit; expected another body."
         )
     hit = near & (summary["closest"].value[1:] < most)
+    for k in np.flatnonzero((state == LOST) & ~hit).tolist():
+        hit[k] = _is_lost_within(campaign, k + 1, planet, most * summary["closest"].unit)
     counts = hit | (state == SURVIVED)
     _warn(planet, int((~counts).sum()), int((counts & ~hit & near & _at_the_end(summary)[1:]).sum()))
     return Chance.of(int(hit.sum()), int(counts.sum()))
+
+
+def _is_lost_within(campaign: Campaign, member: int, planet: str, radius: u.Quantity) -> bool:
+    """Return whether the last state of a lost clone is in a planet; False if the campaign keeps no trajectories."""
+    try:
+        run = campaign.run(member)
+    except ArchiveError:
+        return False
+    lost = run.retired[campaign.names[member]]
+    return bool(np.linalg.norm(lost.q - run.at(lost.time).q[run.names.index(planet)]) < radius)
 
 
 def _at_the_end(summary: Any) -> Any:

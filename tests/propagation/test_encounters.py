@@ -200,7 +200,7 @@ def test_clones_hit_as_the_ellipse_says(tmp_path: Path) -> None:
     members = orbits.ensemble.clones(apophis(), "Apophis", covariance=C, count=500, seed=2)
     campaign = orbits.ensemble.run(members, tmp_path / "clones.campaign", until="2029-05-01")
     found = orbits.ensemble.impact_probability(campaign, "Earth", radius=6378.137 * u.km)
-    assert found.clones == 500
+    assert found[3:] == (58, 500)  # four of them lost 8 to 12 km from the centre of the Earth
     assert plane.clones_needed(0.05) == pytest.approx((1 / plane.impact_probability - 1) / 0.05**2, abs=1)
     assert found.low < plane.impact_probability < found.high  # 0.084 to 0.138 for 0.1065
     with pytest.raises(InputError, match="no number of clones"):

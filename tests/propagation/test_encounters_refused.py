@@ -25,11 +25,11 @@ C = np.diag([1e-8] * 3 + [1e-10] * 3) ** 2
 
 
 @cache
-def falling() -> orbits.System:
-    """A body a day before it falls on the Earth."""
+def falling(*place: float) -> orbits.System:
+    """A body before it falls on the Earth, by default a day; place : from its centre, km."""
     system = orbits.System.solar_system("2020-01-01", bodies=["Sun", "Earth", "Moon"])
     earth = system["Earth"]
-    q, v = earth.q + [1e6, 2000.0, 3000.0] * u.km, earth.v + [-12.0, 0.0, 0.0] * u.km / u.s
+    q, v = earth.q + (place or (1e6, 2000.0, 3000.0)) * u.km, earth.v + [-12.0, 0.0, 0.0] * u.km / u.s
     return system.add("rock", q=q, v=v)
 
 
@@ -172,6 +172,18 @@ def test_clones_that_hit_are_counted_and_those_of_which_it_is_not_known_are_told
     monkeypatch.setattr(orbits.ensemble.Campaign, "summary", known)
     with pytest.warns(OrbitsWarning, match="2 clones failed or were lost before the end, and do not count"):
         assert orbits.ensemble.impact_probability(campaign, "Earth", radius=size)[3:] == (3, 3)
+
+
+def test_clones_that_are_lost_at_the_centre_of_a_planet_hit_it(tmp_path: Path) -> None:
+    """Those that fall straight on a point mass have no step that is short enough, and no closest approach."""
+    members = orbits.ensemble.clones(falling(1e5, 0.0, 0.0), "rock", covariance=1e-8 * C, count=5, seed=1)
+    how = {"workers": 1, "progress": False, "samples": 2}
+    campaign = orbits.ensemble.run(members, tmp_path / "head-on", duration=2 * u.day, **how)
+    assert set(campaign.summary["state"][1:]) == {"lost"}
+    assert orbits.ensemble.impact_probability(campaign, "Earth", radius=6378.137 * u.km)[3:] == (5, 5)
+    without = orbits.ensemble.run(members, tmp_path / "no samples", duration=2 * u.day, trajectories=False, **how)
+    with pytest.warns(OrbitsWarning, match="5 clones failed or were lost before the end, and do not count"):
+        assert orbits.ensemble.impact_probability(without, "Earth", radius=6378.137 * u.km)[3:] == (0, 0)
 
 
 def test_clones_share_parameters_and_take_covariances_of_their_orbit() -> None:
