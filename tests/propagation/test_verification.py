@@ -16,6 +16,7 @@ import orbits
 from orbits.archive import ArchiveWriter
 from orbits.cli import app
 from orbits.propagation.resuming import sample_store, verification
+from orbits.propagation.resuming.recomputing import Compared
 
 from ..coverings import cover
 
@@ -70,6 +71,30 @@ def test_a_good_archive_is_computed_again_to_the_last_bit(
     if recompute == "all":
         assert said.startswith(f"samples 0 to {len(run) - 1} in ")
     assert str(checked).endswith("\nok")
+
+
+@pytest.mark.parametrize(("dt", "duration"), [(None, 20.0), (orbits.TimeTransformed(step=0.3), -20.0)])
+def test_the_last_state_of_chosen_steps_is_compared_where_no_sample_follows(colliding, tmp_path, dt, duration) -> None:
+    two, path = colliding.remove("b"), tmp_path / "run.h5"
+    orbits.propagate(two, dt=dt, duration=duration, samples=[0.15 * duration], archive=path).close()
+    for recompute in ("all", "last"):
+        said = found_in(orbits.verify(path, recompute=recompute), "computed").said
+        assert said.endswith("the same bits, and the same state at the last checkpoint")
+    archive = orbits.Archive.open(path)
+    checkpoint = archive.checkpoint()
+    checkpoint["q"].ravel()[-1] = np.nextafter(checkpoint["q"].ravel()[-1], 9.0)
+    with creation_of(tmp_path / "forged.h5", archive) as writer:
+        writer.commit(np.array(archive.q[:]), np.array(archive.v[:]), checkpoint)
+    (failure,) = orbits.verify(tmp_path / "forged.h5", recompute="all").failures
+    assert failure.endswith("the same samples, but another state at the last checkpoint")
+
+
+def test_where_nothing_was_compared_that_is_said(colliding, tmp_path, monkeypatch) -> None:
+    orbits.propagate(colliding.remove("b"), duration=20.0, samples=2, archive=tmp_path / "run.h5").close()
+    monkeypatch.setattr(verification, "recomputed", lambda *_, **__: Compared(1, steps=50))
+    found = found_in(orbits.verify(tmp_path / "run.h5"), "computed")
+    assert found.ok is None
+    assert found.said.startswith("no samples in 50 steps: nothing was compared")
 
 
 def test_runs_that_merge_or_were_stopped_are_computed_again(colliding: orbits.System, tmp_path: Path) -> None:

@@ -49,7 +49,7 @@ class Compared:
 
     @property
     def same(self) -> bool:
-        """Whether all bits are the same."""
+        """Whether all bits that were compared are the same."""
         return self.differing is None and self.checkpoint is not False
 
 
@@ -87,11 +87,13 @@ def recomputed(
 
 def _grid_of(archive: Archive) -> TimeGrid | None:
     """Return the steps and the samples of a run up to its last checkpoint; None if that is the start."""
-    times, end = archive.times[: archive.committed], archive.marched
+    times, end, clock = archive.times[: archive.committed], archive.marched, archive.grid.clock
+    if clock.changes:  # a step that ends as much as a rounding error behind its goal is not taken
+        end += 2.0 * float(np.spacing(end))
     if not len(times):
-        return TimeGrid(archive.grid.clock, np.array([end])) if end else None
-    beyond = (end - times[-1]) * archive.grid.direction > 0.0
-    return TimeGrid(archive.grid.clock, times, end if beyond else float(times[-1]))
+        return TimeGrid(clock, np.array([end])) if archive.marched else None
+    beyond = (end - times[-1]) * clock.direction > 0.0
+    return TimeGrid(clock, times, end if beyond else float(times[-1]))
 
 
 class _Comparing:

@@ -289,6 +289,8 @@ def _computed(
         why = "the last two checkpoints are at the same step; 'all' computes the whole run" if archive.marched else ""
         return Finding("computed", f"nothing: {why or 'the run is at its start'}", None)
     what = _stretch(found)
+    if not found.samples and found.checkpoint is None:
+        return Finding("computed", f"{what}: nothing was compared, as they do not end at the last checkpoint", None)
     if found.same:
         state = {True: ", and the same state at the last checkpoint", None: ""}[found.checkpoint or None]
         return Finding("computed", f"{what}: the same bits{state}")
