@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from astropy import units as u
+from numpy.typing import NDArray
 
-from orbits.body_names import index_of
+from orbits.body_names import few, index_of
 from orbits.checks import positive_number
 from orbits.ensemble.campaign import Campaign
-from orbits.ensemble.summaries import LOST, SURVIVED
+from orbits.ensemble.summaries import FAILED, LOST, SURVIVED
 from orbits.errors import ArchiveError, InputError, counted, shown
 from orbits.finding import Finding
+from orbits.propagation.results.refinement import refine
+from orbits.propagation.resuming.marching_again import seen_by
 from orbits.results.chance import Chance
+
+if TYPE_CHECKING:
+    from orbits.results.passages import Seen
+    from orbits.trajectory import Trajectory
 
 AT_END = 1e-9
 """Of the time of the end: how near to it a closest approach is no minimum, but the end of the run."""
@@ -28,10 +37,12 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
 
     radius : of the planet, as a point mass attracts: what comes closer to the centre hits
     A clone that is lost within the planet, where no step is short enough for a point mass, hits, if the campaign keeps
-    trajectories. The nominal orbit, which is the first member, does not count, nor do clones that failed, or were lost
-    elsewhere: a warning says how many, and how many still come nearer at the end. `TargetPlane.clones_needed` says how
-    many clones an error needs. Raises InputError for a campaign of systems, one that is not finished or did not look
-    for approaches, and a radius that is no length; UnknownNameError for a planet that is not there.
+    trajectories; without them it is not known of clones that came relatively closer to another body whether they hit.
+    The nominal orbit, which is the first member, does not count, nor do clones that failed, or were lost elsewhere: a
+    warning says how many, how many still come nearer at the end, and of how many the campaign does not tell.
+    `TargetPlane.clones_needed` says how many clones an error needs. Raises InputError for a campaign of systems, one
+    that is not finished or did not look for approaches, and a radius that is no length, or larger than the distance
+    within which approaches are recorded; UnknownNameError for a planet that is not there.
     """
     if not isinstance(campaign, Campaign):
         raise InputError(f"campaign is {shown(campaign)}; expected one of orbits.ensemble.run.")
@@ -57,9 +68,63 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
     hit = near & (summary["closest"].value[1:] < most)
     for k in np.flatnonzero((state == LOST) & ~hit).tolist():
         hit[k] = _is_lost_within(campaign, k + 1, planet, most * summary["closest"].unit)
+    beside, coming, untold = _closer_to_others(campaign, summary, planet, most)[:, 1:]
+    hit |= beside
     counts = hit | (state == SURVIVED)
-    _warn(planet, int((~counts).sum()), int((counts & ~hit & near & _at_the_end(summary)[1:]).sum()))
+    nearer = coming | (near & _at_the_end(summary)[1:])
+    _warn(planet, int((~counts).sum()), int((counts & ~hit & nearer).sum()))
+    _warn_of_untold(planet, radius, np.asarray(summary["closest_to"])[1:][counts & ~hit & untold].tolist())
     return Chance.of(int(hit.sum()), int(counts.sum()))
+
+
+def _closer_to_others(campaign: Campaign, summary: Any, planet: str, most: float) -> NDArray[np.bool_]:
+    """Return which clones that came relatively closer to another body hit a planet nevertheless, which still come
+    nearer to it at the end, and of which the campaign does not tell; (3, members).
+
+    The summary has the closest approach alone, as a fraction of the reach of the body. A clone misses a planet whose
+    radius is a smaller fraction; of others the trajectories tell.
+    """
+    closest, to, block = summary["closest"].value, np.asarray(summary["closest_to"]), np.asarray(summary["block"])
+    asked = (to != planet) & (np.asarray(summary["state"]) != FAILED)
+    asked[0] = False
+    found = np.zeros((3, len(summary)), dtype=bool)
+    for number in np.unique(block[asked]):
+        members = np.flatnonzero(asked & (block == number))
+        try:
+            run = campaign.run(int(members[0]))
+        except ArchiveError:
+            found[2, members] = to[members] != ""
+            continue
+        seen = seen_by(run)
+        reach = dict(zip(run.names, seen.reach.tolist(), strict=True)) if seen.dominant >= 0 else {}
+        if most > reach.get(planet, math.inf):
+            unit = run.system.units.length
+            raise InputError(
+                f"radius is {most:.6g} {unit}, but approaches to {planet} are recorded within {reach[planet]:.6g} "
+                f"{unit}; expected less."
+            )
+        fractions = closest[members] / [reach.get(name, 1.0) for name in to[members]]
+        members = members[fractions < most / reach.get(planet, 1.0)]
+        if len(members):
+            found[:, members] = _followed(run, seen, planet, most, [campaign.names[k] for k in members])
+    return found
+
+
+def _followed(run: Trajectory, seen: Seen, planet: str, most: float, names: Sequence[str]) -> NDArray[np.bool_]:
+    """Return the same of some clones of a run, (3, clones), from its passages and its ends."""
+    other, rows = run.names.index(planet), {run.names.index(name): k for k, name in enumerate(names)}
+    ends = run.at([0.0, run._reached])
+    apart, speed = (x[:, list(rows)] - x[:, [other]] for x in (ends._q, ends._v))
+    hit = (np.linalg.norm(apart, axis=2) < most).any(axis=0)
+    nearer = (apart[1] * speed[1]).sum(axis=1) * run.clock.direction < 0.0
+    numbers = [k for k, one in enumerate(seen.passages) if other in (one.body, one.other)]
+    refine(run, seen, [k for k in numbers if not np.isfinite(seen.passages[k].distance)])
+    for passage in (seen.passages[k] for k in numbers):
+        body = passage.body + passage.other - other
+        if passage.distance < most and body in rows:
+            hit[rows[body]] = True
+    # Without a body that dominates, or beyond their number, passages are not listed.
+    return np.array([hit, nearer, np.full(len(rows), seen.dominant < 0 or seen.left_out != 0)])
 
 
 def _is_lost_within(campaign: Campaign, member: int, planet: str, radius: u.Quantity) -> bool:
@@ -85,4 +150,13 @@ def _warn(planet: str, unknown: int, nearer: int) -> None:
         Finding(
             f"{counted(nearer, 'clone')} still come nearer to {planet} at the end of the campaign, and may hit later; "
             "expected one that ends after the encounter: until=..."
+        ).warn()
+
+
+def _warn_of_untold(planet: str, radius: Any, others: list[str]) -> None:
+    if others:
+        Finding(
+            f"{counted(len(others), 'clone')} came relatively closer to {few(sorted(set(others)))} than to {planet}; "
+            f"the campaign does not tell whether they came within {radius} of it, and they count as misses. Keep "
+            "trajectories: ensemble.run(..., trajectories=True)."
         ).warn()

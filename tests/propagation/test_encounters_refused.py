@@ -186,6 +186,31 @@ def test_clones_that_are_lost_at_the_centre_of_a_planet_hit_it(tmp_path: Path) -
         assert orbits.ensemble.impact_probability(without, "Earth", radius=6378.137 * u.km)[3:] == (0, 0)
 
 
+def test_clones_that_pass_another_body_more_closely_hit_a_moon_or_are_told(tmp_path: Path) -> None:
+    """They leave the Earth at 9,000 km and pass the Moon at 47,650 km: the summary has the Earth alone."""
+    system = falling().remove("rock")
+    earth, moon = system["Earth"], system["Moon"]
+    way = (moon.q - earth.q) / np.linalg.norm(moon.q - earth.q)
+    system = system.add("rock", q=earth.q + 9000 * u.km * way, v=earth.v + 12.0 * u.km / u.s * way)
+    run = orbits.propagate(system, duration=16 * u.h, samples=961)
+    apart = run.q[:, run.names.index("rock")] - run.q[:, run.names.index("Moon")]
+    least = np.linalg.norm(apart, axis=1).min().to(u.km)  # of every minute: within 3 km
+    members = orbits.ensemble.clones(system, "rock", covariance=1e-2 * C, count=5, seed=1)
+    how = {"workers": 1, "progress": False, "samples": 2}
+    campaign = orbits.ensemble.run(members, tmp_path / "whole", duration=16 * u.h, **how)
+    assert set(campaign.summary["closest_to"]) == {"Earth"}
+    for beyond, hits in ((100 * u.km, 5), (-100 * u.km, 0)):
+        assert orbits.ensemble.impact_probability(campaign, "Moon", radius=least + beyond)[3:] == (hits, 5)
+    with pytest.raises(InputError, match=r"radius is 0\.1.* AU, but approaches to Moon are recorded within 0\.0"):
+        orbits.ensemble.impact_probability(campaign, "Moon", radius=0.1 * u.au)
+    early = orbits.ensemble.run(members, tmp_path / "early", duration=4 * u.h, **how)
+    with pytest.warns(OrbitsWarning, match="5 clones still come nearer to Moon at the end"):
+        orbits.ensemble.impact_probability(early, "Moon", radius=least)
+    without = orbits.ensemble.run(members, tmp_path / "no samples", duration=16 * u.h, trajectories=False, **how)
+    with pytest.warns(OrbitsWarning, match="5 clones came relatively closer to Earth than to Moon"):
+        orbits.ensemble.impact_probability(without, "Moon", radius=least)
+
+
 def test_clones_share_parameters_and_take_covariances_of_their_orbit() -> None:
     names, units = zip(*FORMS["cartesian"], strict=True)
     seven = Covariance("cartesian", (*names, "rock.A2"), (*units, u.au / u.day**2), np.zeros(7), np.eye(7), "rock")
