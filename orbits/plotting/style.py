@@ -5,6 +5,7 @@ Figures are made without pyplot: no global state is changed, no window opens, an
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -78,9 +79,14 @@ def figure(width: float = 16.0, height: float = 10.0, dpi: int = 120) -> Figure:
 
 
 def save(made: Figure, path: Path) -> None:
-    """Write a figure as PNG with metadata that name this package."""
-    with look():
-        made.savefig(path, metadata={"Software": MARK})
+    """Write a figure, by default as PNG, with metadata that name this package: as a whole or not at all."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        with look():
+            made.savefig(partial, format=path.suffix[1:] or "png", metadata={"Software": MARK})
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def halo(text: Text) -> None:

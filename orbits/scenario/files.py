@@ -59,7 +59,7 @@ def _is_ours(path: Path) -> bool:
     except OSError:
         return False
     if path.suffix == ".png":
-        return head.startswith(b"\x89PNG") and (b"Software\x00orbits" in head[:4096] or not head)
+        return head.startswith(b"\x89PNG") and b"Software\x00orbits" in head[:4096]
     try:
         return str(json.loads(head).get("format", "")).startswith("orbits")
     except (ValueError, AttributeError):

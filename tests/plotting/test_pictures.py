@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import orbits
-from orbits.plotting import arcs
+from orbits.plotting import arcs, save, style
 from orbits.regression.report_picture import picture
 from tests.plotting import seen
 from tests.plotting.runs import about_a_star
@@ -280,3 +280,20 @@ def test_errors_of_zero_are_at_zero_within_the_band_of_rounding(kind):
         # Whole numbers of roundings, or exactly none: nothing is put at a floor above zero.
         assert (changes == 0.0).any()
         assert (changes[changes > 0.0] > 1e-18).all()
+
+
+def test_a_picture_that_is_not_finished_leaves_the_one_that_was_there(tmp_path, monkeypatch):
+    """A run that is killed while it draws leaves no damaged picture, which the next one would refuse to replace."""
+    made, path = style.figure(1.0, 1.0), tmp_path / "run.png"
+    save(made, path)
+    before = path.read_bytes()
+
+    def stopped(target, **how):
+        target.write_bytes(b"")
+        raise SystemExit
+
+    monkeypatch.setattr(made, "savefig", stopped)
+    with pytest.raises(SystemExit):
+        save(made, path)
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
