@@ -111,11 +111,14 @@ def nonzero_number(value: Any, what: str) -> float:
     return number
 
 
-def positive_number(value: Any, what: str) -> float:
-    """Return a scalar as float. Raises InputError, naming it, unless it is one finite number above 0."""
+def positive_number(value: Any, what: str, given: Any = None) -> float:
+    """Return a scalar as float. Raises InputError, naming it, unless it is one finite number above 0.
+
+    given : what messages show, if the value is that of a quantity in another unit
+    """
     number = single_number(value, what)
     if not (math.isfinite(number) and number > 0.0):
-        raise InputError(f"{what} is {shown(value)}; expected a finite number above 0.")
+        raise InputError(f"{what} is {shown(value if given is None else given)}; expected a finite number above 0.")
     return number
 
 

@@ -13,7 +13,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen, index_of
-from orbits.checks import is_one_of, place_in, positive_number, single_number
+from orbits.checks import is_one_of, place_in, positive_number
 from orbits.errors import InputError, shown
 from orbits.export import MOST_ROWS, Tabled, headed
 from orbits.results.approach import LUNAR_DISTANCE, Approach, said, unit_of_errors
@@ -177,7 +177,7 @@ class Approaches(Tabled):
         passages, units = self._seen.passages, self._system.units
         most = math.inf
         if within is not None:
-            most = positive_number(single_number(units.length_value(within, "within"), "within"), "within")
+            most = positive_number(units.length_value(within, "within"), "within", within)
         rows = [k for k in self._flybys if wanted[passages[k].body] or wanted[passages[k].other]]
         rows = [k for k in rows if passages[k].distance <= most]
         ones = self.several(rows)

@@ -112,7 +112,7 @@ class OrbitalElements(Tabled, Tabular):
         return Labelled(names, self.t if run else None, variables, known, self.epoch)
 
     def _caption(self) -> str:
-        what = f"elements of {few(self.names)} about {with_article(self.primary)}, {FRAMES[self.frame]}"
+        what = f"elements of {few(self.names) or 'no body'} about {with_article(self.primary)}, {FRAMES[self.frame]}"
         if not self.t.ndim:
             return what
         return f"{what}, lowest ... highest of {len(self.t):,} samples, {presenting.span(self.t)}"

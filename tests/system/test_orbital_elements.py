@@ -110,3 +110,5 @@ def test_the_repr_is_a_table() -> None:
     assert mercury.split()[:3] == ["Mercury", "0.387098", "0.20563"]
     assert jupiter.split()[:3] == ["Jupiter", "5.20427", "0.0487749"]
     assert len({len(columns), len(mercury), len(jupiter)}) == 1
+    alone = repr(System.solar_system(bodies=["Sun"]).elements("Sun"))
+    assert alone.startswith("elements of no body about the Sun, ecliptic of J2000")

@@ -220,7 +220,8 @@ def _radius(run: Trajectory, body: str, planet: str, radius: Any) -> float:
     system, unit = run.system, run.system.units.length
     apart = system.values.q[run.names.index(body)] - system.values.q[run.names.index(planet)]
     if radius is not None:
-        size, start = positive_number(system.units.length_value(radius, "radius"), "radius"), np.linalg.norm(apart)
+        size = positive_number(system.units.length_value(radius, "radius"), "radius", radius)
+        start = np.linalg.norm(apart)
         if size >= start:
             raise InputError(
                 f"radius is {size:.6g} {unit}, but {body} begins {start:.6g} {unit} from {planet}; expected less. A "
