@@ -33,8 +33,8 @@ def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     except EpochError as error:
         early = with_unit(f"{abs(grid.end):.3g}", system.units.time)
         raise EpochError(
-            f"light that is seen at the earliest time of the run left up to {early} before it, and from there the run is "
-            f"marched back: {error} Or give times that are as much later."
+            f"light that is seen at the earliest time of the run left up to {early} before it, where it is marched "
+            f"back to: {error} Or give times that are as much later."
         ) from None
     clock = grid.clock
     start = system.values.q, system.values.v
