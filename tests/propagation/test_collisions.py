@@ -382,3 +382,15 @@ def test_what_knows_the_same_bodies_from_start_to_end_refuses_runs_with_mergers(
 def test_exact_collisions_without_radii_still_name_the_bodies() -> None:
     with pytest.raises((SingularityError, EventError), match=r"a and b|b and a"):
         orbits.propagate(pair(), duration=4.0)
+
+
+@pytest.mark.parametrize(("reach", "met"), [(0.24, 1), (0.2, 0)])
+def test_a_sample_in_a_step_that_cannot_be_taken_is_reached_and_collisions_before_it_are_found(reach, met):
+    """Two points fall on each other at t = 0.785, within the last step; far away two bodies meet at t = 1 - reach."""
+    q, v = [[0.5, 0, 0], [-0.5, 0, 0], [0, 8, 0], [1, 8, 0]], [[0, 0, 0], [0, 0, 0], [0, 0, 0], [-1, 0, 0]]
+    system = orbits.System(list("abcd"), [1.0, 1.0, 1e-9, 1e-9], q, v, radii=[0.0, 0.0, reach, 0.0], units=D)
+    options = {"dt": 0.25, "duration": 0.77, "samples": 2, "check_step": False, "progress": False}
+    run = orbits.propagate(system, events=Collision(then="record"), **options)
+    assert np.array_equal(run.q, orbits.propagate(system, **options).q)
+    assert len(run.events) == met
+    assert np.abs(run.events.time.value - (1.0 - reach)).max(initial=0.0) < 2e-3  # the others pull both
