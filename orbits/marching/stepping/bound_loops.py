@@ -12,7 +12,7 @@ from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
-from orbits.kernels.steps import NOWHERE, Method, Model, Share, State, Storage
+from orbits.kernels.steps import NOWHERE, Share, State, Storage
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.following.contract import Block, Followers
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
@@ -223,7 +223,7 @@ class BoundLoops:
             carry, scratch, stages, rows = aligned(*shapes)
             carry[...] = state["memory"]
             storage = Storage(carry, scratch, stages, Share(start, stop, None))
-            kernel(Method(*bound[:2]), Model(*bound[2:4]), bodies, particles, rows, storage)
+            kernel(*bound[:4], bodies, particles, rows, storage)
 
         if some is None:
             self._helpers.each(transform, self._shares)
