@@ -128,6 +128,17 @@ def test_bits_depend_neither_on_threads_nor_on_other_bodies(apophis, run):
     assert np.array_equal(among.q.value[:, -1], run.q.value[:, -1])
 
 
+def test_a_run_leads_to_the_last_moment_of_the_ephemeris():
+    """The whole step in which the last sample lies would need the planets beyond the end of the file."""
+    last = Time(2462502.5, format="jd", scale="tdb")
+    run = orbits.propagate(with_apophis(), until=last, samples=2, progress=False)
+    q = ephemeris.states(run.system.names[:-1], last.jd1, last.jd2)[1]
+    assert np.abs(run.q.value[-1, :-1] - q).max() < 1e-15 * 50
+    part = orbits.propagate(with_apophis(), until=last - 1e-3 * u.day, samples=2, progress=False)
+    moved = run.q.value[-1, -1] - 1e-3 * run.v.value[-1, -1] - part.q.value[-1, -1]
+    assert np.abs(moved).max() < 1e-9  # half the acceleration times the square of 1e-3 d is 1.3e-10
+
+
 def test_a_run_that_was_interrupted_goes_on_to_the_same_bits(apophis, run, tmp_path):
     calls = []
 

@@ -43,7 +43,7 @@ def satellite(excess, gm=0.0):
 
     excess : with which masses grow with velocities, if not 0
     """
-    terms = (SPIN, FLAT, Heavy(excess)) if excess else (SPIN, FLAT)
+    terms = (SPIN, FLAT, Heavy(excess=excess)) if excess else (SPIN, FLAT)
     drags = (replace(drag, bodies=["p"]) for drag in (DRAG, OWN_DRAG))
     return planet(p=(gm, *PARTICLE["p"][1:])).with_terms(*terms).with_forces(*drags)
 
@@ -311,7 +311,7 @@ def test_a_particle_that_cannot_be_stepped_is_retired_alone():
 
 @pytest.mark.nightly
 def test_a_velocity_that_momenta_do_not_determine_is_an_error_and_not_a_number():
-    system = three().with_terms(SPIN, FLAT, Heavy(30.0)).with_forces(DRAG, OWN_DRAG)
+    system = three().with_terms(SPIN, FLAT, Heavy(excess=30.0)).with_forces(DRAG)
     with pytest.raises(ConvergenceError, match="adds as much as m v to the momenta"):
         march(system, orbits.Gauss(stages=2))
 

@@ -8,6 +8,7 @@ particles follow the stages of a step: to each of their samples a copy is marche
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 from weakref import proxy
 
@@ -111,17 +112,20 @@ class SamplesOfLeg(Samples, LegWatcher):
 
     def ahead(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (m, n, 3), at those of these places that lie in the next step with any."""
-        leg = self._leg
-        if leg.times.is_at(places.at(0)):
+        if self._leg.times.is_at(places.at(0)):
             return self._of_copy(places)
         try:
-            state, behind = leg.times.ahead_of(leg, places)
-            count = len(behind.steps) if self._reads_carries else 0
-            carries = np.repeat(state["memory"][None], count, axis=0) if count else None
-            return self._behind(np.stack([state["q"], state["v"]])[None], carries, behind)
+            return self._in_next_step(places)
         except IntegrationError:  # no step from there, or no partial one; steps that are chosen anew may lead there
             one = places.between(0, 1)
             return self.ahead(one) if len(places.steps) > 1 else self._of_copy(one)
+
+    def _in_next_step(self, places: Places) -> tuple[Array, Array]:
+        """The same, by partial steps; an IntegrationError if the step, or a part of it, cannot be taken."""
+        state, behind = self._leg.times.ahead_of(self._leg, places)
+        count = len(behind.steps) if self._reads_carries else 0
+        carries = np.repeat(state["memory"][None], count, axis=0) if count else None
+        return self._behind(np.stack([state["q"], state["v"]])[None], carries, behind)
 
     def accounts(self) -> Array:
         """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
@@ -170,7 +174,8 @@ class SamplesOfParticles(SamplesOfLeg):
         q, v = self._of_copy(one)
         if not leg.times.is_at(places.at(0)):
             shown, bodies = leg.shown, leg.problem.bodies
-            q[:, bodies], v[:, bodies] = super().ahead(one)
+            with suppress(IntegrationError):  # without particles, too, the bodies are then those of the copy
+                q[:, bodies], v[:, bodies] = self._in_next_step(one)
             leg.shown = shown
         return q, v
 
