@@ -23,8 +23,10 @@ from orbits.marching.stepping.parallel import Parallel, shares
 from orbits.marching.stepping.pool import Helpers, Pool
 from orbits.marching.watching.leg_observers import Observers
 
-STAGES_BYTES = 512 * 1024
-"""Size of the recorded stages and of the states of eight particles: they should stay in the second-level cache."""
+STAGES_BYTES = 1024 * 1024
+"""Size of the recorded stages and of the states of eight particles, about that of a second-level cache: where this has
+half as much, they are read in order and take no longer, and blocks of half the size take 1 to 4 % longer.
+"""
 
 PATH_BYTES = 4 * 1024 * 1024
 """Size of the recorded states of massive bodies without particles, which are written once and read sparsely."""
