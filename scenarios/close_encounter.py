@@ -35,7 +35,7 @@ FIXED = {"Apophis": (0.5, 0.1), "comet": (6.0, 1.0)}
 LATER = 20.0
 """Days after the encounter from which on the errors of constant steps are judged."""
 IN_PLANE_MM = {"Apophis": 0.03, "comet": 0.1}
-"""Bounds of the errors in the target plane: 0.007 and 0.026 were reached, 1e-16 of an au being 0.015."""
+"""Bounds of the errors in the target plane: 0.0017 and 0.0015 were reached, 1e-16 of an au being 0.015."""
 
 
 def encounters():

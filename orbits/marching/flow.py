@@ -194,8 +194,8 @@ class Flow:
             count = min(room, samples - first)
             now = clock.numbers(self.t, first * every)
             status, done, _, more = driver.march(
-                *bound, clock.timing, now, _NO_ROOM, *state, self._carry, self._scratch, self._stages,
-                path.reshape(-1), every, _NO_KICKS, count * every,
+                *bound, clock.timing, now, _NOTHING, *state, self._carry, self._scratch, self._stages,
+                path.reshape(-1), _NOTHING, every, _NO_KICKS, count * every,
             )  # fmt: skip
             evaluations += more
             done += first * every
@@ -320,7 +320,7 @@ def velocities(lagrangian: Lagrangian, t: Array, q: Array, p: Array) -> Array:
     return np.array([lagrangian.velocity(x, y, float(s)) for x, y, s in zip(q, p, t, strict=True)])
 
 
-_NO_ROOM: Array = np.zeros(0)
+_NOTHING: Array = np.zeros(0)
 _NO_KICKS: Array = np.zeros((0, 1, WIDTH))
 
 

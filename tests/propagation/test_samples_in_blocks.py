@@ -1,12 +1,17 @@
 """Samples end no block: their states come from the steps that the run takes anyway, and nothing changes by a bit."""
 
+import json
+
 import numpy as np
 import pytest
 from astropy import units as u
+from astropy.time import Time
 
 import orbits
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.marching.stepping.partial_steps import PartialSteps
+from orbits.regression.taylor import taylor
+from orbits.resources import data_path
 
 from ..coverings import at
 
@@ -143,3 +148,25 @@ def test_samples_of_what_is_in_carries_are_those_one_by_one_and_end_no_block(wha
     assert np.array_equal(together._accounts, one_by_one._accounts)
     assert (together._accounts[-1] != 0.0).any() == bool(acts)
     assert blocks <= 4 < many
+
+
+def test_samples_at_an_encounter_are_right_to_their_last_digit():
+    """A comet at its closest to Jupiter: from the state at the beginning of that step, rounded, the velocity would be
+    wrong by 124 units of its last digit.
+    """
+    data = json.loads(data_path("close_encounters.json").read_text(encoding="utf-8"))
+    start = next(each for each in data["encounters"] if each["planet"] == "Jupiter")
+    system = orbits.System.solar_system(
+        epoch=Time(start["epoch_jd_tdb"], format="jd", scale="tdb"), bodies=["Sun", "Jupiter", "Saturn"]
+    )
+    q, v = start["q_au"] * u.au, start["v_au_per_d"] * u.au / u.day
+    system = system.add("comet", primary="Sun", gm=start["gm_m3_s2"] * u.m**3 / u.s**2, q=q, v=v)
+    closest = orbits.propagate(system, duration=start["closest_d"] + 50.0, samples=2).closest_approaches()
+    met = min(closest["comet"], key=lambda each: each.distance)
+    times = float(met.time.value) + np.array([0.0, 3.7, 11.1])
+    truth = taylor(system.values, times)
+    within = orbits.propagate(system, duration=start["closest_d"] + 50.0, samples=times)
+    ahead = orbits.propagate(system, duration=times[0], samples=times[:1])
+    for ulps, got, alone, right in ((0.5, within.q, ahead.q, truth.q), (1.0, within.v, ahead.v, truth.v)):
+        assert np.abs(got.value - right).max() <= ulps * np.spacing(np.abs(right[:, -1]).max())
+        assert np.array_equal(alone[0], got[0])

@@ -297,7 +297,8 @@ class ChosenTimes(StepTimes):
         begun, ends = {}, np.zeros((1, 2))
         try:
             while not count:
-                begun, ends = {name: copy[name].copy() for name in ("q", "v", "memory")}, now[[TIME, TIME_LO]][None]
+                begun = {name: copy[name].copy() for name in ("q", "q_lo", "v", "v_lo", "memory")}
+                ends = now[[TIME, TIME_LO]][None]
                 if places.rests[0] == ends[0, 0]:
                     break
                 leg.loop.march_copy(copy, self.clock, 1, particles=False)

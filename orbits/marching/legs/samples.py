@@ -1,9 +1,10 @@
 """The states of a leg at samples, which change nothing: they are computed from the steps that the leg takes anyway.
 
-The state within a step is that after a partial step of the method from the state at its beginning, rounded as records
-have it: of a block of steps, all in one compiled call. A method that marches other variables than those seen, or whose
-carry has more than a guess, needs the carry after each step, which is recorded in blocks with several samples. Massless
-particles follow the stages of a step: to each of their samples a copy is marched.
+The state within a step is that after a partial step of the method from the state at its beginning with its low parts,
+which are recorded where samples lie within steps: of a block of steps, all in one compiled call. A method that marches
+other variables than those seen, or whose carry has more than a guess, needs the carry after each step, which is
+recorded in blocks with several samples. Massless particles follow the stages of a step: to each of their samples a copy
+is marched.
 """
 
 from __future__ import annotations
@@ -78,11 +79,14 @@ class SamplesOfLeg(Samples, LegWatcher):
         leg, self._most = self._leg, UNLIMITED
         if not self._recorded:
             return 1
+        loops = leg.stepper.loops
+        if not self._transforms:
+            loops.keep_lows(bool(places.rests[: leg.times.led_to(places, leg.block)].any()))
         if not self._reads_carries:
             return len(places.steps)
-        most = leg.stepper.loops.most_kept
+        most = loops.most_kept
         count = leg.times.led_to(places, min(leg.block, most))
-        leg.stepper.loops.keep_carries(count > 1)
+        loops.keep_carries(count > 1)
         if count > 1:
             self._most = most
         return max(count, 1)
@@ -99,7 +103,9 @@ class SamplesOfLeg(Samples, LegWatcher):
         """Return (q, v), each (m, n, 3), at places in the block just marched."""
         leg = self._leg
         loops, behind, count = leg.stepper.loops, leg.times.behind(places), leg.loop.taken
-        path = _NOTHING if self._transforms else leg.observers.recorded(count)
+        path = _NOTHING if self._transforms else leg.observers.recorded(count)[behind.steps]
+        if behind.parts.any() and not self._transforms:
+            path = np.concatenate([path, loops.lows(count)[behind.steps]], axis=1)
         carries = None
         if self._reads_carries:
             carries = loops.kicks[np.maximum(behind.steps - 1, 0)]
@@ -125,7 +131,8 @@ class SamplesOfLeg(Samples, LegWatcher):
         state, behind = self._leg.times.ahead_of(self._leg, places)
         count = len(behind.steps) if self._reads_carries else 0
         carries = np.repeat(state["memory"][None], count, axis=0) if count else None
-        return self._behind(np.stack([state["q"], state["v"]])[None], carries, behind)
+        begun = np.stack([state[name] for name in ("q", "v", "q_lo", "v_lo")])
+        return self._behind(np.repeat(begun[None], len(behind.steps), axis=0), carries, behind)
 
     def accounts(self) -> Array:
         """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
@@ -139,17 +146,17 @@ class SamplesOfLeg(Samples, LegWatcher):
         return q[None], v[None]
 
     def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
-        """Return the states behind those of a path, (states, 2, padded).
+        """Return the states behind those of a path, (m, 2, padded), or (m, 4, padded) with their low parts.
 
         carries : (m, rows, 8), those with which the steps begin, a copy; None for a form that needs none
         """
-        leg, steps, count = self._leg, behind.steps, len(behind.steps)
+        leg, steps, count = self._leg, np.arange(len(behind.steps)), len(behind.steps)
         n = len(leg.problem.bodies)
         if carries is not None and self._transforms:
-            path, steps = leg.stepper.loops.seen(carries, low=True), np.arange(count)
+            path = leg.stepper.loops.seen(carries, low=True)
         if carries is not None:
             carries *= self._stays
-        q, v = np.ascontiguousarray(path[steps, :2, : 3 * n].swapaxes(0, 1))
+        q, v = np.ascontiguousarray(path[:, :2, : 3 * n].swapaxes(0, 1))
         within = behind.parts != 0.0
         if within.any():
             leg.stepper.partial_steps().take(path, steps, behind.begun, behind.parts, within, q, v, carries)

@@ -116,7 +116,8 @@ class BoundLoops:
         self._reads_path = self._follower is not None and self._follower.reads_path
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
-        self._keeps = False
+        self._keeps = self._keeps_lows = False
+        self._lows = np.zeros(0)
         self._begun = aligned(self.state["memory"].shape)[0]
         self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
@@ -170,6 +171,9 @@ class BoundLoops:
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
         of_march = path.size or (self._keeps and state is self.state)  # of a copy of the state, nothing is recorded
         kicks = self.kicks if of_march else self.kicks[:0]
+        lows = self._lows[:0]
+        if self._keeps_lows and path.size and state is self.state:
+            lows = self._lows = self._lows if len(self._lows) >= path.size else np.zeros(path.size)
         if self._reads_path:
             self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles
@@ -178,7 +182,7 @@ class BoundLoops:
                 path, kicks = self._of_copies
             self._record = path, kicks
         room = (self._scratch, self._stages)
-        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, 1, kicks, count)
+        status, done, body, evaluations = self._march(*bound, *vectors, *room, path, lows, 1, kicks, count)
         return status, done, body, evaluations
 
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
@@ -255,6 +259,16 @@ class BoundLoops:
         self._keeps = wanted
         if wanted and not len(self.kicks):
             self.kicks = np.empty((self.most_kept, *self.state["memory"].shape))
+
+    def keep_lows(self, wanted: bool) -> None:
+        """Record the low parts of the states of the next blocks that are recorded, or no longer."""
+        self._keeps_lows = wanted
+
+    def lows(self, steps: int) -> Array:
+        """Return the low parts that were kept at the beginnings of the steps of the last block, (steps + 1, 2, padded);
+        of the last row, behind the steps, nothing is known.
+        """
+        return self._lows[: 2 * (steps + 1) * len(self.state["q"])].reshape(steps + 1, 2, -1)
 
     def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
         vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])

@@ -36,7 +36,7 @@ from orbits.kernels.steps import (
 @kernel
 def march(
     form, coefficients, tag, parameters, timing, numbers, room, q, q_lo, p, p_lo, carry, scratch, stages,
-    path, every, kicks, steps
+    path, lows, every, kicks, steps
 ):  # fmt: skip
     """March by `steps` steps.
 
@@ -44,6 +44,7 @@ def march(
     q, q_lo, p, p_lo : see `State`; carry, scratch : see `Storage`
     stages : (slots, rows, columns), a slot for each step, or fewer slots that are reused in turn
     path : flat, receives q and p, each padded, at the beginning of each `every`-th step; empty for no recording
+    lows : the same for their low parts
     kicks : (steps, rows, 8), receives the carry after each step, for dense output; (0, rows, 8) for no recording
 
     Returns (status, steps done, body or coordinate, evaluations).
@@ -57,6 +58,7 @@ def march(
     for k in range(steps):
         if left == 0:
             record(method, model, state, Storage(carry, scratch, stages[slot], share), path, row)
+            record_strip(lows, row, q_lo, p_lo, 0, size)
             left, row = every, row + 1
         left -= 1
         storage = Storage(carry, scratch, stages[slot], share)
@@ -124,13 +126,13 @@ def leave_each(form, coefficients, tag, parameters, h, carries, room, carry, scr
 
 
 @kernel
-def march_together(counters, threads, member, rounds, fresh, method, model, clock, state, room, path, steps):
+def march_together(counters, threads, member, rounds, fresh, method, model, clock, state, room, path, lows, steps):
     """March thousands of bodies as one of several threads: each moves a share of the coordinates.
 
     rounds : (threads, 8) int64, a row for each thread; its second number is the number of evaluations
     fresh : whether the scratch already holds what `begin` would write
     method, model, clock, state : records, see `orbits.kernels.steps`; room : (carry, scratch, stages)
-    path, steps : see `march`
+    path, lows, steps : see `march`
     """
     carry, scratch, stages = room
     size = dimension(model.tag, model.parameters)
@@ -143,6 +145,7 @@ def march_together(counters, threads, member, rounds, fresh, method, model, cloc
         begin(method, model, t, h, state, Storage(carry, scratch, stages[0], share))
     for k in range(steps):
         record_strip(path, k, state.q, state.p, start, stop)
+        record_strip(lows, k, state.q_lo, state.p_lo, start, stop)
         storage = Storage(carry, scratch, stages[k % stages.shape[0]], share)
         _, _, count = take_step(clock, method, model, k, state, storage)
         rounds[member, 1] += count

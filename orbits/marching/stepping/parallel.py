@@ -146,12 +146,12 @@ class Parallel:
 
     def march(self, *arguments: Any) -> tuple[int, int, int, int]:
         """March the bodies; the arguments and the result are those of `driver.march`."""
-        *flat, path, _, _, steps = arguments
+        *flat, path, lows, _, _, steps = arguments
         method, model, clock, state = Method(*flat[:2]), Model(*flat[2:4]), Clock(*flat[4:7]), State(*flat[7:11])
         fresh = bool(np.array_equal(state.q[: self._size], self._at))
         self._at = np.zeros(0)
         records = method, model, clock, state, tuple(flat[11:])
-        self._threads.run(march_together, self._rounds, fresh, *records, path, steps)
+        self._threads.run(march_together, self._rounds, fresh, *records, path, lows, steps)
         self._at = state.q[: self._size].copy()
         status = OK if all_finite(state.q, state.p, self._size) else NOT_FINITE
         return status, steps, 0, int(self._rounds[0, 1])
