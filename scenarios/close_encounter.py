@@ -244,9 +244,9 @@ def path(axis, each, encounter, dt):
         side.set(visible=True, color=plotting.style.GREY)
     axis.indicate_inset_zoom(inset, edgecolor=plotting.style.GREY)
     met = closest(each.run, encounter)
-    axis.set(
-        title=f"{encounter['name']}, {met.date.iso[:10]}: {met.distance.to_value(u.km):,.0f} km", xlabel="million km"
-    )
+    title = f"{encounter['name']}, {met.date.iso[:10]}: {met.distance.to_value(u.km):,.0f} km"
+    axis.set_title(title, fontsize=15)
+    axis.set(xlabel="million km")
 
 
 def heading(seen, k):

@@ -111,13 +111,18 @@ def test_the_commands_of_a_tutorial_end_as_it_says(page, tmp_path, monkeypatch):
         assert done.exit_code == (0 if succeeds else 1), (words, done.output)
 
 
-@pytest.mark.parametrize("page", [p for p in PAGES if commands(p)], ids=name)
-def test_the_command_line_understands_every_command_of_a_page(page):
+@pytest.fixture(scope="module")
+def scenarios():
+    return {each.name for each in bundled()}
+
+
+@each("page", [p for p in PAGES if commands(p)])
+def test_the_command_line_understands_every_command_of_a_page(page, scenarios):
     group = typer.main.get_command(app)
     for (command, *words), _ in commands(page):
         arguments = group.commands[command].make_context(command, words).params
         scenario = arguments.get("scenario", "a.py")
-        assert scenario.endswith(".py") or scenario in {each.name for each in bundled()}
+        assert scenario.endswith(".py") or scenario in scenarios
 
 
 @each("page", [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "data" / "README.md"])

@@ -18,7 +18,7 @@ from ..problems import three_bodies
 
 @pytest.fixture(scope="module")
 def system():
-    bodies = ["Sun", "Earth-Moon barycenter", "Jupiter", "Saturn"]
+    bodies = ["Sun", "Earth-Moon barycenter", "Jupiter"]
     system = orbits.System.solar_system(bodies=bodies)
     return system.add("asteroid", primary="Sun", a=2.6 * u.au, e=0.2, inc=8 * u.deg, Omega=1.0, omega=2.0, M=0.5)
 
@@ -57,7 +57,7 @@ def test_runge_kutta_is_not_certified_on_a_system_and_neither_are_its_particles(
 
 def test_the_table_names_the_step_the_unit_and_the_verdict(certificate):
     text = certificate.table()
-    assert text.startswith("Gauss(stages=4) on 4 bodies, 1 massless particle, dt = 10 d")
+    assert text.startswith("Gauss(stages=4) on 3 bodies, 1 massless particle, dt = 10 d")
     assert text.endswith("a variational integrator, as declared")
     assert str(certificate) == text
 

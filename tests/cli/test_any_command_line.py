@@ -88,7 +88,7 @@ def takes_long(option: str, value: str) -> bool:
 word = st.sampled_from(WORDS) | st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 
 
-@campaign(30, 1500, arguments=st.lists(word, max_size=5))
+@campaign(15, 1500, arguments=st.lists(word, max_size=5))
 def test_any_words_end_with_an_exit_code(arguments: list[str]) -> None:
     if not any(takes_long(option, value) for option, value in pairwise(arguments)):
         call(arguments)

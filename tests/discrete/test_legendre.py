@@ -6,15 +6,15 @@ import pytest
 from orbits import discrete
 from orbits.errors import InputError
 
-from ..coverings import each
+from ..coverings import cover
 from .mechanics import Driven, Magnetic, Oscillator, difference, pair, rules, systems
 
 QUICK = [name for name in rules() if name != "exact_by_collocation"]
 BOTH = ("minus", "plus")
+of_rules_and_systems = cover(("rule", "system"), QUICK, systems(), strength=1)
 
 
-@each("system", systems())
-@each("rule", QUICK)
+@of_rules_and_systems
 def test_the_transforms_have_inverses_and_momenta_match_along_a_trajectory(rule, system):
     L = systems()[system]
     L_d, (q0, q1), h, t = rules()[rule](L), pair(L), L.h, 0.3
@@ -31,8 +31,7 @@ def test_the_transforms_have_inverses_and_momenta_match_along_a_trajectory(rule,
     assert np.abs(discrete.momentum_mismatch(L_d, q0, q1, q2 + 1e-6, h, t)).max() > 1e-7
 
 
-@each("system", systems())
-@each("rule", QUICK)
+@of_rules_and_systems
 def test_the_map_in_phase_space_is_the_same_by_both_transforms(rule, system):
     L = systems()[system]
     L_d, h, t = rules()[rule](L), L.h, 0.3
@@ -43,8 +42,7 @@ def test_the_map_in_phase_space_is_the_same_by_both_transforms(rule, system):
         assert np.abs(got - expected).max() < 2e-15 * np.abs(L_d.d12(*pair(L), h, t)).max()  # 1.9e-16 was reached
 
 
-@each("system", systems())
-@each("rule", QUICK)
+@of_rules_and_systems
 def test_the_two_form_is_both_pull_backs_and_is_preserved(rule, system):
     L = systems()[system]
     L_d, (q0, q1), h, t = rules()[rule](L), pair(L), L.h, 0.3

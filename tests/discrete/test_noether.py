@@ -8,7 +8,7 @@ from orbits.errors import InputError
 from orbits.lagrangians.newtonian import n_body
 from orbits.lagrangians.symmetry import Symmetry, rotation, translation
 
-from ..coverings import each
+from ..coverings import cover
 from .mechanics import Central, rules
 
 QUICK = [name for name in rules() if name != "exact_by_collocation"]
@@ -23,8 +23,7 @@ def marched(L_d, q, p, h, steps):
     return np.array(Q), np.array(P)
 
 
-@each("dimension", [2, 3])
-@each("rule", QUICK)
+@cover(("rule", "dimension"), QUICK, [3, 2], strength=1)
 def test_the_angular_momentum_of_a_planet_drifts_by_round_off_alone(rule, dimension):
     L = Central(name="kepler", dimension=dimension)
     turn = rotation() if dimension == 2 else rotation([0.3, -0.2, 1.0])

@@ -15,7 +15,7 @@ from astropy import units as u
 
 import orbits
 from orbits import ensemble
-from orbits.ensemble import tasks
+from orbits.ensemble import dask_workers, tasks
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsWarning, StorageError, UnknownNameError
 from tests.ensemble.belts import OPTIONS, belt, giants, system
 
@@ -39,7 +39,7 @@ def interrupted(folder: Path, number: signal.Signals, after: int, **options: obj
     thread = threading.Thread(target=send, daemon=True)
     thread.start()
     with pytest.raises(Interrupted, match="the same call goes on") as raised:
-        ensemble.run(belt(160), folder, **options)
+        ensemble.run(belt(96), folder, **options)
     thread.join()
     return raised.value.trajectory
 
@@ -57,12 +57,16 @@ def test_particles_have_the_bits_of_one_run_with_all_of_them_in_blocks_of_any_si
         np.testing.assert_array_equal(campaign[name].v, whole[name].v)
 
 
+def places(campaign, block):
+    """The places of all particles, (samples, particles, 3), from the files of the blocks."""
+    return np.concatenate([campaign.run(k).q.value[:, len(giants().names):] for k in range(0, len(campaign), block)], 1)
+
+
 @pytest.mark.parametrize("method", first(1, [orbits.StormerVerlet(), orbits.Gauss()]), ids=lambda m: m.name)
 def test_other_methods_give_particles_bits_that_do_not_depend_on_the_block(tmp_path, method):
     options = {**OPTIONS, "integrator": method, "dt": None if method.name == "gauss" else "5 d"}
     one, other = (ensemble.run(belt(40), tmp_path / str(b), block=b, **options) for b in (40, 9))
-    for name in one:
-        np.testing.assert_array_equal(one[name].q, other[name].q)
+    np.testing.assert_array_equal(places(one, 40), places(other, 9))
 
 
 @pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
@@ -70,11 +74,11 @@ def test_particles_that_are_followed_through_encounters_have_bits_that_do_not_de
     near = 5.0
     options = {**OPTIONS, "integrator": orbits.WisdomHolman(encounters="follow particles")}
     one, other = (ensemble.run(belt(40, near), tmp_path / str(b), block=b, **options) for b in (40, 9))
-    for name in one:
-        np.testing.assert_array_equal(one[name].q, other[name].q)
+    found = places(one, 40)
+    np.testing.assert_array_equal(found, places(other, 9))
     left = orbits.propagate(system(40, near), **{**options, "integrator": orbits.WisdomHolman(), "check_step": False})
-    followed = [name for name in one if not np.array_equal(one[name].q, left[name].q)]
-    assert len(followed) > 5
+    followed = (found != left.q.value[:, len(giants().names):]).any(axis=(0, 2))
+    assert followed.sum() > 5
 
 
 def test_a_process_gives_the_bits_of_a_thread(tmp_path):
@@ -122,17 +126,17 @@ def test_megno_of_members_is_that_of_a_run_with_all_of_them(tmp_path):
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory):
-    return ensemble.run(belt(160), tmp_path_factory.mktemp("whole") / "c", block=16, **LONG)
+    return ensemble.run(belt(96), tmp_path_factory.mktemp("whole") / "c", block=16, **LONG)
 
 
 @pytest.mark.parametrize("number", first(1, [signal.SIGINT, signal.SIGTERM]))
 def test_a_campaign_that_a_signal_stopped_goes_on_to_the_same_bits(tmp_path, number, undisturbed):
     part = interrupted(tmp_path / "c", number, 2, block=16, workers=1, **LONG)
-    assert 0 < part.progress.done < 10
+    assert 0 < part.progress.done < 6
     assert not part.complete
     assert (part.summary["state"] == "waiting").any()
     told: list[str] = []
-    campaign = ensemble.run(belt(160), tmp_path / "c", block=16, workers=2, say=told.append, **LONG)
+    campaign = ensemble.run(belt(96), tmp_path / "c", block=16, workers=2, say=told.append, **LONG)
     assert any("are there already" in line for line in told)
     assert campaign.bits == undisturbed.bits
 
@@ -169,10 +173,10 @@ def test_a_block_that_was_interrupted_goes_on_where_it_was(tmp_path, monkeypatch
 def test_a_block_of_systems_that_is_to_stop_begins_no_more_of_them_and_loses_none(tmp_path, monkeypatch, moment):
     """Systems that were not begun would each take as long to be made ready, and to be stored, as the stop may take."""
     plan = ensemble.Plan(
-        ensemble.grid(pair, speed=np.linspace(0.7, 1.1, 24)), duration=40.0, dt=0.01, integrator="stormer-verlet",
-        block=24,
+        ensemble.grid(pair, speed=np.linspace(0.7, 1.1, 12)), duration=40.0, dt=0.01, integrator="stormer-verlet",
+        block=12,
     )  # fmt: skip
-    task = plan.task(0, plan.ensemble.part(0, 24), stem="block-00000")
+    task = plan.task(0, plan.ensemble.part(0, 12), stem="block-00000")
     ready, begun = [], tasks.begun
     monkeypatch.setattr(tasks, "begun", lambda *given, **known: ready.append(given[0]) or begun(*given, **known))
     files = tmp_path / "block-00000"
@@ -183,7 +187,7 @@ def test_a_block_of_systems_that_is_to_stop_begins_no_more_of_them_and_loses_non
 
     stopped = tasks.integrate(task, tmp_path, "here", asked)
     assert stopped.state == tasks.INTERRUPTED
-    assert len(ready) == {"before": 0, "while they are made ready": 3}.get(moment, 24)
+    assert len(ready) == {"before": 0, "while they are made ready": 3}.get(moment, 12)
     there = sorted(files.glob("*.h5"))
     assert len(there) <= (8 if moment == "while they are marched" else 0)  # those of one group, in lanes
     monkeypatch.setattr(tasks, "begun", begun)
@@ -210,9 +214,9 @@ def test_a_campaign_is_readable_while_it_runs(tmp_path):
 
     thread = threading.Thread(target=look)
     thread.start()
-    ensemble.run(belt(160), tmp_path / "c", block=16, workers=1, **LONG)
+    ensemble.run(belt(96), tmp_path / "c", block=16, workers=1, **LONG)
     thread.join()
-    assert len({progress.done for progress in seen}) > 3
+    assert len({progress.done for progress in seen}) > 2  # some of them within
 
 
 @pytest.mark.parametrize("how", first(2, ["damaged", "missing", "shorter"]))
@@ -259,7 +263,8 @@ def test_the_store_of_another_campaign_is_refused_with_what_differs(tmp_path):
         ensemble.open(tmp_path / "d")
 
 
-def test_a_folder_in_which_nothing_was_done_yet_takes_another_campaign(tmp_path):
+def test_a_folder_in_which_nothing_was_done_yet_takes_another_campaign(tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_workers, "PATIENCE", 0.5)
     with pytest.raises(InputError):
         ensemble.run(belt(20), tmp_path / "c", client="tcp://127.0.0.1:1", **OPTIONS)
     assert ensemble.run(belt(20), tmp_path / "c", **{**OPTIONS, "dt": "20 d"}).complete
@@ -345,7 +350,7 @@ def test_a_campaign_that_would_not_fit_on_the_disk_is_refused_before_it_starts(t
 
 def test_the_estimate_of_the_disk_is_that_of_the_files(tmp_path):
     """Within a quarter, for few and for many samples, of particles and of systems."""
-    particles, systems = belt(60), ensemble.systems([giants()] * 20)
+    particles, systems = belt(60), ensemble.systems([giants()] * 5)
     for samples, members in ((2, particles), (200, particles), (200, systems)):
         folder = tmp_path / f"{samples}-{members.kind}"
         options = {**OPTIONS, "samples": samples}
@@ -418,7 +423,7 @@ def test_a_killed_process_is_replaced_and_its_blocks_are_done_again(tmp_path):
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
     longer = {**OPTIONS, "duration": 4000 * u.yr}
-    campaign = ensemble.run(belt(96), tmp_path / "c", block=16, workers=1, processes=True, say=told.append, **longer)
+    campaign = ensemble.run(belt(64), tmp_path / "c", block=16, workers=1, processes=True, say=told.append, **longer)
     thread.join()
     assert any("its worker was lost; it is done again" in line for line in told)
-    assert campaign.bits == ensemble.run(belt(96), tmp_path / "whole", block=16, **longer).bits
+    assert campaign.bits == ensemble.run(belt(64), tmp_path / "whole", block=16, **longer).bits

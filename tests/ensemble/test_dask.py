@@ -43,14 +43,16 @@ def undisturbed(tmp_path_factory):
     return ensemble.run(belt(160), tmp_path_factory.mktemp("threads") / "c", **LONG)
 
 
-def test_workers_give_the_bits_of_threads_through_a_client_and_through_an_address(tmp_path, client, undisturbed):
-    one = ensemble.run(belt(160), tmp_path / "client", client=client, **LONG)
-    assert one.bits == undisturbed.bits
+def test_workers_give_the_bits_of_threads_through_a_client_and_through_an_address(tmp_path, client):
+    options = {**OPTIONS, "block": 16}
+    threads = ensemble.run(belt(160), tmp_path / "threads", **options)
+    one = ensemble.run(belt(160), tmp_path / "client", client=client, **options)
+    assert one.bits == threads.bits
     assert len({block.worker for block in one.blocks}) == 2
-    np.testing.assert_array_equal(one["p100"].q, undisturbed["p100"].q)
+    np.testing.assert_array_equal(one["p100"].q, threads["p100"].q)
     address = client.scheduler.address
-    other = ensemble.run(belt(160), tmp_path / "address", client=address, **LONG)
-    assert other.bits == undisturbed.bits
+    other = ensemble.run(belt(160), tmp_path / "address", client=address, **options)
+    assert other.bits == threads.bits
     assert client.status == "running"
 
 

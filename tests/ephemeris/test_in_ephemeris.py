@@ -388,3 +388,25 @@ def test_a_moment_after_a_sample_massive_bodies_with_relativity_can_be_marched()
     for offset in (4e-14, 1e-12):
         q = run.at(np.array(run.times[1:-1]) + offset).q.value
         assert np.abs(q - run.q.value[1:-1]).max() < 2e-15 + 0.1 * offset
+
+
+def test_light_that_left_before_the_ephemeris_begins_is_an_error_in_words():
+    system = orbits.System.in_ephemeris(EXCERPT_PATH, epoch="2000-01-01").add("p", primary="Sun", a=1.5 * u.au, e=0.3)
+    run = orbits.propagate(system, duration=30 * u.day, samples=2, progress=False)
+    with pytest.raises(EpochError, match=r"light that is seen .* left up to 0\.0\d+ d before it.*Or give times"):
+        run.ephemeris("p")
+    later = run.epochs[0] + 1 * u.hour
+    assert np.isfinite(run.ephemeris("p", times=later).ra.value).all()
+
+
+@pytest.mark.parametrize(("epoch", "until"), [("2029-11-01", "2029-12-28"), ("2000-01-20", "2000-01-01")])
+def test_collisions_are_sought_up_to_the_last_moment_of_the_ephemeris(epoch, until):
+    """The whole step in which the last sample lies cannot be taken: the part up to the sample is searched."""
+    system = orbits.System.in_ephemeris(EXCERPT_PATH, epoch=epoch).add("p", primary="Sun", a=1.5 * u.au, e=0.1)
+    plain = orbits.propagate(system, until=until, samples=2, progress=False)
+    bodies = len(system.names) - 1
+    solid = system.replaced(radii=np.append(np.full(bodies, 6000.0), 0.0) * u.km)
+    merging = orbits.events.Collision(then=orbits.events.Merge())
+    run = orbits.propagate(solid, until=until, samples=2, events=merging, progress=False)
+    assert np.array_equal(run.q, plain.q)
+    assert len(run.events) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.util
 import re
 from pathlib import Path
@@ -17,6 +18,7 @@ def script():
     spec = importlib.util.spec_from_file_location("model_error", ROOT / "scripts" / "model_error.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
+    module.real_positions = functools.cache(module.real_positions)
     return module
 
 

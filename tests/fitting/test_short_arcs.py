@@ -16,7 +16,7 @@ from orbits.errors import ConvergenceError, InputError, OrbitsWarning
 from orbits.fitting.result import Fit
 from orbits.observing.three_directions import triples
 
-from ..coverings import each, first
+from ..coverings import each
 from .skies import mahalanobis, state
 
 EPOCH, MIDNIGHT, SIGMA = "2012-03-01", 2455987.5, 0.3
@@ -86,6 +86,7 @@ def test_the_right_orbit_of_a_short_arc_is_found_or_in_the_warning(days, seed):
     assert mahalanobis(fit, state(run.at(fit.epoch))) < 30.0 or "do not decide between" in told
 
 
+@pytest.mark.nightly
 def test_three_observations_do_not_decide_between_orbits_through_all_of_them():
     observations, _ = seen(MIDDLE_BELT, SIX, 0)
     fit, told = fitted(observations[[0, 2, 4]])
@@ -135,7 +136,8 @@ def test_few_observations_are_rejected_only_if_that_costs_less():
     assert np.flatnonzero(~fit.used).tolist() == [1]
 
 
-@pytest.mark.parametrize("days", first(1, [((2.0, 2.05, 3.0, 3.05),), ((2.0, 2.05, 2.1, 2.15, 2.2),)]), ids=len)
+@pytest.mark.nightly
+@pytest.mark.parametrize("days", [(2.0, 2.05, 3.0, 3.05), (2.0, 2.05, 2.1, 2.15, 2.2)], ids=len)
 def test_one_night_or_two_warn_with_the_range_of_orbits(days):
     observations, run = seen(MIDDLE_BELT, days, 0)
     fit, told = fitted(observations)

@@ -94,7 +94,8 @@ BOUND = 4.0
 @pytest.mark.parametrize("e", ECCENTRICITIES)
 def test_flow_of_every_conic_is_within_a_few_times_what_rounding_its_input_does(e):
     rng = np.random.default_rng(int(1e6 * min(e, 1000.0)) + 1)
-    assert max(worst_ratio(e, step, rng, 1) for step in STEPS) <= BOUND
+    some = STEPS[ECCENTRICITIES.index(e) % 3 :: 3]  # each of them with five eccentricities; all of them are slow
+    assert max(worst_ratio(e, step, rng, 1) for step in some) <= BOUND
 
 
 @pytest.mark.slow

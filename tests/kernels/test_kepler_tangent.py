@@ -47,11 +47,11 @@ def flow(start, dt):
         high *= 2
     while miss(low) > 0:
         low *= 2
-    for _ in range(40):
+    for _ in range(14):
         middle = (low + high) / 2
         low, high = (low, middle) if miss(middle) > 0 else (middle, high)
     s = (low + high) / 2
-    for _ in range(6):
+    for _ in range(7):
         s -= miss(s) / (r0 + eta * stumpff(1, s, beta) + zeta * stumpff(2, s, beta))
     G1, G2, G3 = (stumpff(k, s, beta) for k in (1, 2, 3))
     r = r0 + eta * G1 + zeta * G2

@@ -425,3 +425,29 @@ def test_sums_of_the_lanes_before_and_after_each_lane_leave_it_out():
     run(x, out)
     assert out[:8].tolist() == [x[:k].sum() for k in range(8)]
     assert out[8:].tolist() == [x[k + 1 :].sum() for k in range(8)]
+
+
+@kernel
+def turned_numbers(values, out):
+    own = L.room(values.shape[0], values)
+    for k in range(values.shape[0]):
+        own[k] = values[k]
+    for k in range(values.shape[0]):
+        out[k] = own[values.shape[0] - 1 - k]
+
+
+@kernel
+def turned_rows(values, out):
+    own = L.room(values.shape[0], values)
+    for k in range(values.shape[0]):
+        L.store(own, k, L.load(values, k))
+    for k in range(values.shape[0]):
+        L.store(out, k, L.load(own, values.shape[0] - 1 - k))
+
+
+@pytest.mark.parametrize(("turn", "shape"), [(turned_numbers, (37,)), (turned_rows, (5, 8))], ids=["numbers", "rows"])
+def test_room_on_the_stack_keeps_what_is_written_into_it(turn, shape):
+    values = np.random.default_rng(4).normal(size=shape)
+    out = np.zeros(shape)
+    turn(values, out)
+    np.testing.assert_array_equal(out, values[::-1])

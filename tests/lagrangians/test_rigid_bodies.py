@@ -167,3 +167,28 @@ def test_attitudes_and_matrices_are_the_same_rotations():
 def test_what_is_no_rotation_is_refused_with_how_far_it_is_from_one(attitude, words):
     with pytest.raises(InputError, match=words):
         rotations.start((0, 0, 1), attitude)
+
+
+def test_the_formula_of_two_bodies_is_that_of_their_points_spins_and_figures(monkeypatch):
+    """By numbers put into it: the equations, which SymPy derives in a minute, are nightly."""
+    made = {}
+
+    def noted(formula, *, q, v, parameters, **_):
+        made.update(formula=formula, q=q, v=v, parameters=parameters)
+        raise StopIteration
+
+    monkeypatch.setattr("orbits.lagrangians.rigid_bodies.from_sympy", noted)
+    masses, figures, G = (1.0, 0.3), ((0.5, 0.6, 0.7), (0.02, 0.03, 0.04)), 1.7
+    with pytest.raises(StopIteration):
+        orbits.lagrangians.full_two_body(masses, *figures, G=G)
+    r, w = np.array([1.5, 0.4, -0.7]), np.array([0.2, 0.9, 0.1])
+    rates, attitudes = ((0.3, 0.5, 1.7), (-0.4, 0.2, 1.1)), ((1, 0.2, -0.1, 0.3), (0.5, -0.2, 0.4, 0.1))
+    starts = [rotations.start(*one) for one in zip(rates, attitudes, strict=True)]
+    q, v = (np.concatenate([x, *(start[k] for start in starts)]) for k, x in enumerate((r, w)))
+    numbers = {**made["parameters"], **dict(zip([*made["q"], *made["v"]], [*q, *v], strict=True))}
+    distance, expected = np.linalg.norm(r), masses[0] * masses[1] / sum(masses) * (w @ w) / 2
+    expected += G * masses[0] * masses[1] / distance
+    for J, rate, (attitude, _), other in zip(figures, rates, starts, masses[::-1], strict=True):
+        n = rotations.matrices(attitude).T @ r / distance
+        expected += np.dot(J, np.square(rate)) / 2 + G * other / (2 * distance**3) * (sum(J) - 3 * np.dot(J, n * n))
+    assert float(made["formula"].subs(numbers)) == pytest.approx(expected, rel=1e-14)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from orbits.marching.first_passage import first_passage
+from orbits.marching.first_passage import SPACING, Within, first_passage
 
 
 def straight(way: float, phase: float, least: float):
@@ -45,3 +45,18 @@ def test_a_contact_is_found_before_places_to_which_no_partial_step_leads():
         return (q, v) if s < 0.15 else (q + np.nan, v)
 
     assert first_passage(apart, 1.0, 1.0) == pytest.approx(0.1, abs=2e-16)
+
+
+def test_where_partial_steps_move_bodies_otherwise_than_by_their_velocities_rates_are_those_of_their_places():
+    """A parabola has the differences of its derivative, but for the rounding of its places: 1e-16 / SPACING."""
+    begun, speed, bend = np.random.default_rng(1).normal(size=(3, 2, 3))
+    length, elsewhere = 0.25, np.full((2, 3), np.nan)
+
+    def at(part: float) -> tuple[np.ndarray, np.ndarray]:
+        return begun + part * (speed + part * bend), elsewhere
+
+    within = Within(length, at(0.0), at(1.0), at, moves_otherwise=True)
+    for part in (0.5 * SPACING, 0.3, 1.0):  # where there is no room for a place on either side, too
+        q, rate = within.motion(part)
+        np.testing.assert_array_equal(q, at(part)[0])
+        np.testing.assert_allclose(rate, (speed + 2.0 * part * bend) / length, rtol=0, atol=1e-10)  # 4e-11

@@ -136,6 +136,23 @@ def test_samples_leave_the_threads_to_the_march(monkeypatch):
     march.close()
 
 
+def test_what_is_shared_once_is_done_by_the_caller_until_it_takes_long(monkeypatch):
+    """What is seen of particles in a map, on a busy machine: waiting for a thread would take longer."""
+    march, alone = (cloud(*WAYS["leaving a map"], threads) for threads in (3, 1))
+    helpers, work = march.stepper.loops._helpers, []
+    helpers._whole = 0.0  # as after a short one
+    helpers.each(lambda start, stop: work.append((start, stop)), [(0, 8), (8, 16)])
+    assert work == [(0, 16)]
+    helpers._whole = 1.0
+    helpers.each(lambda start, stop: work.append((start, stop)), [(0, 8), (8, 16)])
+    assert sorted(work[1:]) == [(0, 8), (8, 16)]
+    monkeypatch.setattr("orbits.marching.stepping.pool.WORTH_WAITING", -1.0)
+    for one in (march, alone):
+        one.advance(20)
+    assert all(np.array_equal(*both) for both in zip(march.state(), alone.state(), strict=True))
+    march.close()
+
+
 def test_the_way_of_following_is_chosen_once():
     kinds = {way: type(cloud(*WAYS[way], 1, particles=8).stepper.loops._follower) for way in WAYS}
     assert kinds["in lanes"] is kinds["one after another"] is Follower

@@ -63,6 +63,17 @@ def test_the_state_at_any_time_is_what_a_sample_there_would_be(case, where, tmp_
     run.close()
 
 
+@pytest.mark.parametrize("dense", [False, True])
+def test_states_before_the_first_sample_are_those_of_the_run_too(dense):
+    options = {"duration": 20.0, **CASES["gauss"], **QUIET}
+    run = orbits.propagate(system(), samples=[8.0, 12.0], dense=dense, **options)
+    asked = [0.0, 3.21, 9.87]
+    known = orbits.propagate(system(), samples=asked, **options)
+    found = run.at(asked)
+    assert np.abs(found.q - known.q).max() < 4e-15
+    assert np.abs(found.v - known.v).max() < 8e-15
+
+
 def test_keeping_the_steps_changes_neither_samples_nor_the_march(tmp_path):
     for options in CASES.values():
         options = {"duration": 20.0, "samples": 30, **options, **QUIET}

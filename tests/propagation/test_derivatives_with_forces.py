@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mpmath
 import numpy as np
@@ -29,6 +29,8 @@ from orbits.terms import (
     ZonalHarmonics,
 )
 from tests.propagation.forces_in_many_digits import Numbers, flow
+
+from ..coverings import first
 
 GAUSS = orbits.Gauss(stages=8)
 NAMES, GM = ["star", "a", "b"], [1.0, 1e-2, 2e-3]
@@ -130,16 +132,22 @@ def difference(ends, h):
     return sum(weight * (ends(m * h) - ends(-m * h)) for m, weight in WEIGHTS.items()) / h
 
 
-def test_every_registered_force_has_derivatives_by_the_start_and_by_its_parameters():
-    """All at once, with terms, by differences in float64, whose rounding is 1e-12 of the largest derivative."""
-    forces = [force for cls in registry().values() for force in cls.examples()[:1]]
-    assert len(forces) == len(registry())
-    terms = ZonalHarmonics("star", J2=0.01, radius=R, pole=POLE), FrameDragging("star", spin=0.02, pole=POLE, c=3.0)
+TERMS = ZonalHarmonics("star", J2=0.01, radius=R, pole=POLE), FrameDragging("star", spin=0.02, pole=POLE, c=3.0)
+
+
+@pytest.mark.parametrize("terms", first(1, [[], [*TERMS]]), ids=["without terms", "with terms"])
+def test_every_registered_force_has_derivatives_by_the_start_and_by_its_parameters(terms):
+    """All examples at once, which are compiled for what forces take too, by differences in float64, whose rounding is
+    1e-12 of the largest derivative. Further examples of a force act on one body, so that parameters have one meaning.
+    """
+    examples = [cls.examples() for cls in registry().values()]
+    forces = [replace(force, bodies=["a"]) if k else force for one in examples for k, force in enumerate(one)]
     grain = bodies().add("grain", q=[0.8, 1.2, -0.3], v=[-0.7, 0.5, 0.1])
     system = grain.with_terms(*terms).with_forces(*forces)
-    names = ["star.J2", "star.gm", "b.gm"]
-    names += [f"{force.source or 'star'}.{field}" for force in system.forces for field in force.of_body]
-    names += [f"grain.{f}" for force in system.forces for f in force.per_body if getattr(force, f) is not None]
+    acting = [force for force in system.forces if getattr(force, "bodies", None) is None or "grain" in force.bodies]
+    names = [*["star.J2"] * bool(terms), "star.gm", "b.gm"]
+    names += [f"{force.source or 'star'}.{field}" for force in acting for field in force.of_body]
+    names += [f"grain.{f}" for force in acting for f in force.per_body if getattr(force, f) is not None]
     assert {name.split(".")[1] for name in names} >= {"A1", "A2", "A3", "beta", "k2", "lag", "fraction", "tau_a"}
     stm = transition(system, parameters=names)
     directions = np.random.default_rng(2).normal(size=(2, 24))

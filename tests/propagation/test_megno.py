@@ -202,6 +202,7 @@ def test_vectors_of_particles_eight_at_a_time_are_those_of_one_among_planets(kin
     for h in (0.05, -0.05):
         which = np.array([3]), light.values.q, light.values.v
         alone = MapTangents(bodies.lagrangian, bodies.vectors, method, h, *which, starts, 1.0)
+        assert len(alone._vectors) == 1  # all eight in a register
         marched = alone.marched()[:, :, 0]  # the innermost one comes first
         states = ((values.q[there], values.v[there]) for there in (massive, ~massive))
         together = ParticleTangents(acting.lagrangian, acting.vectors, method, h, *states, marched, 1.0, 1)

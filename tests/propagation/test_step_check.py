@@ -133,14 +133,16 @@ def test_the_closest_approaches_of_a_run_come_with_names_and_units_and_survive_a
         assert u.allclose(other.closest_approaches().time, seen.time, rtol=1e-9)
     earth = seen["Earth-Moon barycenter"][0]
     assert {earth.body, earth.other} == {"Venus", "Earth-Moon barycenter"}
-    dense = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=6 * u.yr, samples=20001)
+    perihelion = seen["Ceres"][-1]
+    assert perihelion.other == "Sun"
+    near = [one.time.to_value(u.day) + np.linspace(-3.0, 3.0, 61) for one in (earth, perihelion)]
+    times = np.unique(np.clip(np.concatenate([np.linspace(0.0, 6 * 365.25, 1001), *near]), 0.0, 6 * 365.25))
+    dense = orbits.propagate(system, GAUSS, dt=6 * u.day, duration=6 * u.yr, samples=times * u.day)
     distance = np.linalg.norm(dense["Venus"].q - dense["Earth-Moon barycenter"].q, axis=1)
-    # A sample every tenth of a day of a passage that takes weeks.
+    # A sample every tenth of a day of a passage that takes weeks, and every two days elsewhere.
     assert earth.distance.to_value(u.au) == pytest.approx(distance.min().to_value(u.au), rel=1e-5)
     assert earth.time.to_value(u.day) == pytest.approx(dense.t[distance.argmin()].to_value(u.day), abs=0.2)
     assert "Earth-Moon barycenter" in str(seen)
-    perihelion = seen["Ceres"][-1]
-    assert perihelion.other == "Sun"
     assert perihelion.distance.to_value(u.au) == pytest.approx(
         np.linalg.norm(dense["Ceres"].q - dense["Sun"].q, axis=1).min().to_value(u.au), rel=1e-7
     )

@@ -283,7 +283,7 @@ RELATIVITY = PostNewtonian(sources=["A"], c=20.0)
         ((SPIN,), orbits.Gauss(stages=4)),
         ((J2, SPIN), LobattoIIIAB(stages=3)),
         ((J2,), MAPS[0]),
-        ((J2, SPIN, RELATIVITY), orbits.WisdomHolman()),
+        ((J2, RELATIVITY, SPIN), orbits.WisdomHolman()),  # in the order of `strong_terms.py`, whose kernels these are
     ]),
     ids=["J2 explicit", "J2", "spin", "both", "J2 in a lazy map", "all in a map"],
 )

@@ -233,9 +233,9 @@ def test_a_scenario_without_dt_is_certified_with_a_step_only(tmp_path):
 
 
 def test_running_twice_replaces_what_the_first_run_wrote(tmp_path):
-    perform(pair(), out=tmp_path)
+    perform(pair(), out=tmp_path, plot=False)
     first = (tmp_path / "run.h5").read_bytes()
-    outcome = perform(pair(duration=4.0), out=tmp_path)
+    outcome = perform(pair(duration=4.0), out=tmp_path, plot=False)
     assert outcome.ok
     assert (tmp_path / "run.h5").read_bytes() != first
 
@@ -291,7 +291,7 @@ def test_an_unfinished_run_by_another_version_is_not_lost_and_its_remedy_works(t
     with pytest.raises(InputError, match=f"{changed}. To complete it: orbits resume .*run.h5 --any-bits. Otherwise"):
         perform(pair(), out=tmp_path)
     assert orbits.resume(tmp_path / "run.h5", same_bits=False).complete
-    assert perform(pair(), out=tmp_path).ok
+    assert perform(pair(), out=tmp_path, plot=False).ok
 
 
 def test_an_unfinished_run_of_an_unknown_method_is_not_lost(tmp_path, monkeypatch):
@@ -302,7 +302,7 @@ def test_an_unfinished_run_of_an_unknown_method_is_not_lost(tmp_path, monkeypatc
 
 
 def test_an_archive_that_cannot_be_read_is_not_replaced(tmp_path):
-    perform(pair(), out=tmp_path)
+    perform(pair(), out=tmp_path, plot=False)
     with h5py.File(tmp_path / "run.h5", "r+") as file:
         file.attrs["orbits"] = "99"
     with pytest.raises(InputError, match=r"run.h5.* It is not replaced: give another folder with --out, or remove"):
@@ -323,17 +323,17 @@ def test_a_run_with_an_error_of_its_user_is_not_lost_but_one_whose_step_failed_i
         perform(pair(), out=tmp_path)
     (tmp_path / "run.h5").unlink()
     hopeless = pair(integrators=[orbits.Gauss(stages=8)], dt=8.0, duration=100.0)
-    assert not perform(hopeless, out=tmp_path).ok
-    assert perform(pair(), out=tmp_path).ok
+    assert not perform(hopeless, out=tmp_path, plot=False).ok
+    assert perform(pair(), out=tmp_path, plot=False).ok
 
 
 def test_a_run_that_is_being_written_and_a_folder_in_use_are_left_alone(tmp_path):
-    perform(pair(), out=tmp_path)
+    perform(pair(), out=tmp_path, plot=False)
     with contextlib.closing(Archive.claim(tmp_path / "run.h5")), pytest.raises(InputError, match="being written by"):
         perform(pair(), out=tmp_path)
     with alone_in(tmp_path), pytest.raises(InputError, match=r"another process runs a scenario in .*; wait for it"):
         perform(pair(), out=tmp_path)
-    assert perform(pair(), out=tmp_path).ok
+    assert perform(pair(), out=tmp_path, plot=False).ok
 
 
 def test_a_run_begun_by_another_process_meanwhile_is_not_lost(tmp_path, monkeypatch):
@@ -347,19 +347,19 @@ def test_a_run_begun_by_another_process_meanwhile_is_not_lost(tmp_path, monkeypa
 
     monkeypatch.setattr(performing, "_report", report_while_another_begins)
     with pytest.raises(InputError, match=told):
-        perform(two, out=tmp_path)
+        perform(two, out=tmp_path, plot=False)
 
 
 def test_the_complete_cases_of_a_run_that_was_stopped_are_not_run_again(tmp_path, monkeypatch):
     two = pair(system=lambda: {"one": pair().system, "two": pair().system.barycentric()})
-    whole = perform(two, out=tmp_path / "whole")
-    assert perform(two, out=tmp_path).ok
+    whole = perform(two, out=tmp_path / "whole", plot=False)
+    assert perform(two, out=tmp_path, plot=False).ok
     before = (tmp_path / "run-one.h5").read_bytes()
     (tmp_path / "run-two.h5").unlink()
     stopped_by_ctrl_c(pair(system=pair().system.barycentric()), tmp_path / "stopped", monkeypatch)
     (tmp_path / "stopped" / "run.h5").rename(tmp_path / "run-two.h5")
     said = []
-    again = perform(two, out=tmp_path, say=said.append)
+    again = perform(two, out=tmp_path, plot=False, say=said.append)
     assert any("one, " in line and ", complete in" in line for line in said)
     assert any("two, " in line and ", going on with the unfinished run in" in line for line in said)
     assert (tmp_path / "run-one.h5").read_bytes() == before

@@ -42,6 +42,12 @@ def test_the_order_found_is_the_order_known(name):
     assert convergence_order(make()) == order == make().order
 
 
+@each("name", KNOWN)
+def test_weights_add_up_to_one_in_sixty_digits(name):
+    with mpmath.workdps(70):
+        assert abs(sum(KNOWN[name][0]().exact_b) - 1) < 1e-58
+
+
 def test_no_order_beyond_the_highest_is_claimed():
     assert gauss(4).order == 8
     assert convergence_order(gauss(4)) == HIGHEST == 6

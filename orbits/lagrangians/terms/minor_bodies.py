@@ -43,27 +43,36 @@ def value(strength, own, t, q, v):
     return own[0] * total
 
 
-@kernel
-def gradients(strength, own, t, q, v, f, p):
-    """Add the forces to f."""
+@kernel(inline=True)
+def _add_pairs(strength, own, q, out, forces):
+    """Add the forces on all bodies, or their accelerations, each pair evaluated once; forces : a literal."""
     n = strength.shape[0] - 1
     for a in range(int(own[1]), int(own[2])):
         i = int(own[RANKS + a])
         x, y, z = get(q, i), get(q, n + i), get(q, 2 * n + i)
-        fx, fy, fz = get(f, i), get(f, n + i), get(f, 2 * n + i)
+        fx, fy, fz = get(out, i), get(out, n + i), get(out, 2 * n + i)
         gm = own[0] * strength[1 + i]
         for b in range(a + 1, n):
             j = int(own[RANKS + b])
             dx, dy, dz = get(q, j) - x, get(q, n + j) - y, get(q, 2 * n + j) - z
-            w = rsqrt_cubed(strength[0] + dx * dx + dy * dy + dz * dz) * (gm * strength[1 + j])
-            dx, dy, dz = w * dx, w * dy, w * dz
-            fx, fy, fz = fx + dx, fy + dy, fz + dz
-            put(f, j, get(f, j) - dx)
-            put(f, n + j, get(f, n + j) - dy)
-            put(f, 2 * n + j, get(f, 2 * n + j) - dz)
-        put(f, i, fx)
-        put(f, n + i, fy)
-        put(f, 2 * n + i, fz)
+            w = rsqrt_cubed(strength[0] + dx * dx + dy * dy + dz * dz)
+            if forces:
+                w_i = w_j = w * (gm * strength[1 + j])
+            else:
+                w_i, w_j = w * (own[0] * strength[1 + j]), w * gm
+            fx, fy, fz = fx + w_i * dx, fy + w_i * dy, fz + w_i * dz
+            put(out, j, get(out, j) - w_j * dx)
+            put(out, n + j, get(out, n + j) - w_j * dy)
+            put(out, 2 * n + j, get(out, 2 * n + j) - w_j * dz)
+        put(out, i, fx)
+        put(out, n + i, fy)
+        put(out, 2 * n + i, fz)
+
+
+@kernel
+def gradients(strength, own, t, q, v, f, p):
+    """Add the forces to f."""
+    _add_pairs(strength, own, q, f, True)
 
 
 @kernel
@@ -71,7 +80,7 @@ def accelerate_some(strength, own, q, out, start, stop):
     """Add the accelerations of bodies start ... stop - 1, of each in the order of the ranks of its partners."""
     n = strength.shape[0] - 1
     if start == 0 and stop == n:
-        _accelerate_all(strength, own, q, out)
+        _add_pairs(strength, own, q, out, False)
         return
     first, end = int(own[1]), int(own[2])
     for b in range(n):
@@ -88,29 +97,6 @@ def accelerate_some(strength, own, q, out, start, stop):
             put(out, i, ax)
             put(out, n + i, ay)
             put(out, 2 * n + i, az)
-
-
-@kernel(inline=True)
-def _accelerate_all(strength, own, q, out):
-    """Add the accelerations of all bodies, each pair evaluated once."""
-    n = strength.shape[0] - 1
-    for a in range(int(own[1]), int(own[2])):
-        i = int(own[RANKS + a])
-        x, y, z = get(q, i), get(q, n + i), get(q, 2 * n + i)
-        ax, ay, az = get(out, i), get(out, n + i), get(out, 2 * n + i)
-        gm = own[0] * strength[1 + i]
-        for b in range(a + 1, n):
-            j = int(own[RANKS + b])
-            dx, dy, dz = get(q, j) - x, get(q, n + j) - y, get(q, 2 * n + j) - z
-            w = rsqrt_cubed(strength[0] + dx * dx + dy * dy + dz * dz)
-            w_i, w_j = w * (own[0] * strength[1 + j]), w * gm
-            ax, ay, az = ax + w_i * dx, ay + w_i * dy, az + w_i * dz
-            put(out, j, get(out, j) - w_j * dx)
-            put(out, n + j, get(out, n + j) - w_j * dy)
-            put(out, 2 * n + j, get(out, 2 * n + j) - w_j * dz)
-        put(out, i, ax)
-        put(out, n + i, ay)
-        put(out, 2 * n + i, az)
 
 
 @kernel

@@ -147,7 +147,8 @@ class Stepper:
 
     def cold(self, retired: NDArray[np.int64], clock: Clock) -> State:
         """Return a copy of the state as it is seen, for a step of another clock: the carry belongs to steps of h."""
-        copy = {name: array.copy() for name, array in self.as_seen(retired).items() if name != "approaches"}
+        seen = self.as_seen(retired)
+        copy = self.copied() if seen is self.state else seen
         self.form.forget(copy["memory"])
         if not (self.form.transforms or self.form.keeps_particles):
             copy["particle_memory"][:] = 0.0

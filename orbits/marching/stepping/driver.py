@@ -1,7 +1,8 @@
 """The loops over steps: clock, step and recording.
 
 Arguments of `march` are flat, because Python calls it for each block: five records would cost 9 microseconds, more than
-steps of few bodies. What is called once a run, or for thousands of bodies, takes records.
+steps of few bodies. What is called once a run, or for thousands of bodies, takes records; for particles at a sample,
+records without tags, the types of which take Numba as long as the work on ten particles.
 The clock determines when a step begins and how long it is (`orbits.kernels.clocks`).
 """
 
@@ -87,20 +88,20 @@ def leave_march(form, coefficients, tag, parameters, h, q, q_lo, p, p_lo, carry,
 
 
 @kernel
-def enter_march_of_particles(method, model, state, particles, rows, storage):
+def enter_march_of_particles(form, coefficients, tag, parameters, state, particles, rows, storage):
     """Compute what is marched of particles from what is seen of them and of bodies.
 
-    method, model, state, storage : records, see `orbits.kernels.steps`. The carry is a copy of that of the bodies, and
-        is lost; the stages are those of a step; the share is of the particles
+    state, storage : records, see `orbits.kernels.steps`. The carry is a copy of that of the bodies, and is lost; the
+        stages are those of a step; the share is of the particles
     particles : (`Columns` of positions and velocities, memory, retired); these and rows : see `enter_particles` there
     """
-    enter_particles(method, model, state, particles, rows, storage)
+    enter_particles(Method(form, coefficients), Model(tag, parameters), state, particles, rows, storage)
 
 
 @kernel
-def leave_march_of_particles(method, model, state, particles, rows, storage):
+def leave_march_of_particles(form, coefficients, tag, parameters, state, particles, rows, storage):
     """Compute what is seen of particles from what is marched, which is changed: the memory must be a copy as well."""
-    leave_particles(method, model, state, particles, rows, storage)
+    leave_particles(Method(form, coefficients), Model(tag, parameters), state, particles, rows, storage)
 
 
 @kernel

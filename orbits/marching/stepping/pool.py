@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, wait
 from typing import Any
 
@@ -23,6 +23,11 @@ of that."""
 
 WORTH_A_CHANGE = 1e-3
 """The same for work on other arrays than those of the block before, for which they have to leave and come back."""
+
+WORTH_WAITING = 3e-3
+"""The same for work that they share once, and that ends when all who were asked have come and gone: on a busy machine
+one may come a millisecond later.
+"""
 
 
 class Pool(ThreadPoolExecutor):
@@ -92,7 +97,7 @@ class Helpers:
         self._turns = [Turns(self._counters, member, patience) for member in range(self.members)]
         self._running: dict[int, Future[None]] = {}
         self._arguments: Sequence[tuple[Any, ...]] = ()
-        self._pace = 0.0
+        self._pace = self._whole = 0.0  # seconds for a step of the last block, and for all that was shared last
 
     def run(self, kernel: Callable[..., None], arguments: Sequence[tuple[Any, ...]], steps: int) -> None:
         """Call kernel(turns, *arguments[k]), in the caller's thread with k = 0, on a block of `steps` steps. Others
@@ -126,21 +131,28 @@ class Helpers:
                 self._running[member] = self._pool.submit(_take_part, *now)
 
     def each(self, work: Callable[[int, int], None], shares: Sequence[tuple[int, int]]) -> None:
-        """Call work(start, stop) for each share, in the caller's thread and in others, which take the next share when
-        they are free.
+        """Call work(start, stop) for contiguous shares: for all at once in the caller's thread, or, if that took long
+        enough the last time, for one after another in all threads, each of which takes the next one when it is free.
         """
-        rest = iter(shares)
+        begun, together = time.thread_time(), self._others > 0 and self._whole > WORTH_WAITING
+        if together:
+            self._share(work, iter(shares))
+        elif shares:
+            work(shares[0][0], shares[-1][1])
+        self._whole = (time.thread_time() - begun) * (self.members if together else 1)
 
-        def take() -> None:
+    def _share(self, work: Callable[[int, int], None], rest: Iterator[tuple[int, int]]) -> None:
+        def take(processor: int) -> None:
+            _move_from(processor)
             for start, stop in rest:
                 work(start, stop)
 
         self.dismiss()
         try:
-            for member in range(1, 1 + self._others):
+            for member in range(1, self.members):
                 assert self._pool is not None
-                self._running[member] = self._pool.submit(take)
-            take()
+                self._running[member] = self._pool.submit(take, _processor())
+            take(-1)
         finally:
             self.dismiss()  # also after an interrupt: the arrays may be used only afterwards
 

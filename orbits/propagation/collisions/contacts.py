@@ -85,33 +85,50 @@ class Contacts:
         ahead = self._ahead
         if not self._is_later(time, leg.time):
             return False
-        if ahead is None or not self._is_later(ahead.end, time):
+        if ahead is None or self._is_later(time, ahead.end):
             return True
         return any(not self._is_later(x.time, time) and not self._is_known(x) for x in ahead.impacts)
 
     def takes_step_up_to(self, leg: Leg, time: float) -> bool:
         """Take the next step of a leg, and return whether it leads no further than to a time: it may become shorter
-        than the one that the clock tried and did not take. Otherwise it is taken back; what collides in it is known.
+        than the one that the clock tried and did not take. Otherwise it is taken back; what collides in it is known. Of
+        a step that cannot be taken, as an ephemeris ends in it, say, the part up to the time is looked at.
         """
-        if self._ahead is not None and self._is_later(self._ahead.end, time):
+        if self._ahead is not None and not self._is_later(time, self._ahead.end):
             return False
         stepper, retired = leg.stepper, leg.losses.retired
         kept, counts, known = stepper.copied(), stepper.counts(), retired.table().copy()
         leg.times.aim(leg.times.next_place())
-        leg.advance(1)
-        reached = leg.time if leg.loop.taken else self._direction * math.inf  # nothing attracts
-        if not self._is_later(reached, time):
-            leg.bounds.passes = False
-            return True
-        end = End.of(leg) if leg.loop.taken else None
-        leg.go_back(0)
+        failure, end = None, None
+        try:
+            leg.advance(1)
+        except IntegrationError as error:
+            failure = error
+        else:
+            reached = leg.time if leg.loop.taken else self._direction * math.inf  # nothing attracts
+            if not self._is_later(reached, time):
+                leg.bounds.passes = False
+                return True
+            end = End.of(leg) if leg.loop.taken else None
+            leg.go_back(0)
         for name, array in kept.items():  # also of particles that were lost at the beginning of the step
             stepper.state[name][...] = array
         retired.take_back(known, leg.step)
         stepper.evaluations, stepper.particle_evaluations = counts
         leg.met = None
+        if failure is not None:
+            reached, end = time, self._end_of_part(leg, time, failure)
         self._ahead = Ahead(reached, [] if end is None else self._impacts(leg, end))
         return False
+
+    def _end_of_part(self, leg: Leg, time: float, failure: IntegrationError) -> End:
+        """Return the end of the part of the next step up to a time, in which all particles may touch a body. Raises the
+        failure of the step if not even that can be taken.
+        """
+        try:
+            return End(time, state_in_step(leg, time), leg.problem.particles)
+        except IntegrationError:
+            raise failure from None
 
     def before(self, leg: Leg, time: float) -> Outcome | None:
         """Deal with the contacts in the step that was taken back, up to a time; return what interrupts the leg first,

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.errors import EpochError, with_unit
+from orbits.propagation.checks.before_the_start import check_span
 from orbits.propagation.marchers import bound
 from orbits.time_grid import TimeGrid
 
@@ -20,12 +22,21 @@ def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     """Return q and v, (m, bodies, 3) each, at m times before the earliest one of a run; NaN for bodies not there yet.
 
     The run is continued backwards with its own method and steps from its earliest state. Neither events nor collisions
-    are sought there.
+    are sought there. Raises EpochError if an ephemeris of the run begins later.
     """
     first = run._earliest
     system = run.at(first)
     dt = run.clock if run.clock.changes else abs(run.step)
-    clock = TimeGrid.of(system, dt, duration=float(np.min(times)) - first).clock
+    grid = TimeGrid.of(system, dt, duration=float(np.min(times)) - first)
+    try:
+        check_span(system, grid)
+    except EpochError as error:
+        early = with_unit(f"{abs(grid.end):.3g}", system.units.time)
+        raise EpochError(
+            f"light that is seen at the earliest time of the run left up to {early} before it, where it is marched "
+            f"back to: {error} Or give times that are as much later."
+        ) from None
+    clock = grid.clock
     start = system.values.q, system.values.v
     march = bound(system, run.integrator, clock, threads=1, state=start)
     q, v = np.full((2, len(times), len(run.names), 3), np.nan)
