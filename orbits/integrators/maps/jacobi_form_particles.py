@@ -74,10 +74,10 @@ def _stepped(method, model, carry, storage):
         marched = flowing_particles(model, table, flows + 3 * (count + 1), marched, rows, kick)
         change = none, none, none
     else:
-        marched, change = drifted_particles(carry, own[0, WHOLE], kick)
+        marched, change = drifted_particles(carry, own[0, WHOLE], kick, None)
     g = interaction(model, table, first, own[0, SHIFT], own[0, KICK] == LAZY, marched, rows)
     marched = kicked_particles(marched, change, kick, g)
-    return seen_at(table, first, marched, rows), marched
+    return seen_at(table, first + count, marched, rows), marched
 
 
 @kernel(inline=True)

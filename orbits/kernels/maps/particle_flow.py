@@ -4,14 +4,16 @@
 
 from __future__ import annotations
 
+from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import WIDTH, get, select
+from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.jacobi_particles import on_orbits, present, store_marched, take_particles
 from orbits.kernels.maps.jacobi_tables import flow_rows, of_places
-from orbits.kernels.maps.orbits import displaced, kicked, times
+from orbits.kernels.maps.orbits import displaced, kicked
 from orbits.kernels.maps.terms_by_kind import depends_on_velocities, strength_of
 from orbits.kernels.maps.terms_of_dominant import particle_rates
+from orbits.kernels.maps.threes import chosen, load_three, minus, times
 from orbits.kernels.search.context import flat
 
 
@@ -32,19 +34,14 @@ def _flowing(model, table, first, marched, rows, h):
 @kernel(inline=True)
 def _rates(model, table, first, marched, rows, half, known):
     """Return the rates of r' and of its velocity in the flow of terms; 0 in lanes without a particle."""
-    line, orbits, there = flat(table), marched.orbits, marched.gm > 0.0
-    cx, cy, cz, cu, cv, cw = of_places(line, first, 0, marched.number, marched.common, rows)
-    dx, dy, dz, du, dv, dw = of_places(line, first, 1, marched.number, marched.common, rows)
-    at = WIDTH * (first + 1)
-    central = (get(line, at), get(line, at + 1), get(line, at + 2)), (
-        get(line, at + 3), get(line, at + 4), get(line, at + 5),
-    )  # fmt: skip
-    u, w = (orbits.x + cx, orbits.y + cy, orbits.z + cz), (orbits.vx + cu, orbits.vy + cv, orbits.vz + cw)
-    (x, y, z), (vx, vy, vz) = particle_rates(model, central, u, w, half, known)
-    return (
-        (select(there, x - dx, 0.0), select(there, y - dy, 0.0), select(there, z - dz, 0.0)),
-        (select(there, vx - du, 0.0), select(there, vy - dv, 0.0), select(there, vz - dw, 0.0)),
-    )
+    line, orbits, nothing = flat(table), marched.orbits, (0.0, 0.0, 0.0)
+    offset, motion = of_places(line, first, 0, marched.number, marched.common, rows)
+    drift, pull = of_places(line, first, 1, marched.number, marched.common, rows)
+    at, there = WIDTH * (first + 1), marched.gm > 0.0
+    central = load_three(line, at), load_three(line, at + 3)
+    u, w = plus(orbits.place, offset), plus(orbits.velocity, motion)
+    r, v = particle_rates(model, central, u, w, half, known)
+    return chosen(there, minus(r, drift), nothing), chosen(there, minus(v, pull), nothing)
 
 
 @verb

@@ -34,6 +34,13 @@ def programs_of(coefficients):
     return coefficients[HEADER:first], coefficients[first:]
 
 
+@kernel(inline=True)
+def stage_of(entry, i, leaving):
+    """Return the kind and the length of stage i; leaving : whether the stages are taken backwards."""
+    row, sign = (entry.shape[0] - 1 - i, -1.0) if leaving else (i, 1.0)
+    return int(entry[row, KIND]), sign * entry[row, LENGTH]
+
+
 @kernel
 def stretch(method, unit, factor):
     """Write the coefficients of a step `factor` times as long."""
