@@ -29,8 +29,6 @@ from orbits.kernels.lanes import (
     lane,
     load,
     pair,
-    sums_after,
-    sums_before,
     total,
     turned,
     unit,
@@ -51,10 +49,12 @@ from orbits.kernels.maps.threes import (
     added,
     dot,
     half_of_three,
+    inside_of,
     joined_three,
     load_three,
     load_three_like,
     minus,
+    outside_of,
     store_three,
     store_three_like,
     times,
@@ -188,23 +188,13 @@ def displace(planets, room, shift):
 
 
 @kernel(inline=True)
-def inside_of(share, r):
-    """Return the sums of `share` times r' over the planets of a register that are further inside."""
-    return sums_before(share * r[0]), sums_before(share * r[1]), sums_before(share * r[2])
-
-
-@kernel(inline=True)
-def outside_of(a):
-    """Return the sums of three numbers over the planets of a register that are further out."""
-    return sums_after(a[0]), sums_after(a[1]), sums_after(a[2])
-
-
-@kernel(inline=True)
 def interaction(r, masses):
     """Return the interaction of planets that stay in registers at r', u, and their `Pairs`."""
     u = plus(r, inside_of(masses.share, r))
-    pairs = Pairs(_pairs_within(_first_register(u)), pair_of(u), pair_of(r))
-    return _summed(pairs, r, u, masses, False), u, pairs
+    among = _pairs_within(_first_register(u))
+    own = _pulls(u, among, u, masses, False)
+    pairs = Pairs(among, pair_of(u), pair_of(r))  # after a loop over planets, in which registers are scarce
+    return _summed(own, pairs, r, u, masses, False), u, pairs
 
 
 @kernel(inline=True)
@@ -214,37 +204,41 @@ def change_along(force, pairs, shift, masses):
     """
     shifted = times(shift, force)
     moved = plus(shifted, inside_of(masses.share, shifted))
-    return plus(force, _summed(pairs, shifted, moved, masses, True)), shifted, moved
+    own = _pulls(pairs.inwards.apart, pairs.among, moved, masses, True)
+    return plus(force, _summed(own, pairs, shifted, moved, masses, True)), shifted, moved
 
 
 @kernel(inline=True)
-def _summed(pairs, shifted, moved, masses, changes):
-    """Return the interaction, or its change along a displacement of r' and the one of u."""
-    own = _pulls(pairs, moved, masses, changes)
-    beyond = outside_of(_on_inner(masses, own, pairs.inwards, moved, changes))
-    return _whole(masses, own, beyond, pairs, shifted, moved, changes)
+def _summed(own, pairs, shifted, moved, masses, changes):
+    """Return the interaction, or its change along a displacement of r' and the one of u; own : of `_pulls`."""
+    kepler, centre = pull_of(pairs.own, shifted, changes), pull_of(pairs.inwards, moved, changes)
+    beyond = outside_of(_on_inner(masses, own, pairs.inwards, centre, changes))
+    return _whole(masses, own, beyond, pairs, kepler, centre, changes)
 
 
 @kernel(inline=True)
-def _on_inner(masses, own, inwards, moved, changes):
-    """Return m F, which is summed over the planets further out."""
+def _on_inner(masses, own, inwards, centre, changes):
+    """Return m F, which is summed over the planets further out; centre : see `_whole`."""
     if changes:
-        return times(masses.mass, added(own, -masses.central, change_of_pull(inwards, moved)))
+        return times(masses.mass, added(own, -masses.central, centre))
     return times(masses.mass, added(own, -masses.central * inwards.cubed, inwards.apart))
 
 
 @kernel(inline=True)
-def _whole(masses, own, beyond, pairs, shifted, moved, changes):
-    """Return the interaction, or its change, from its three parts."""
-    r, u, near, kepler = pairs.own.apart, pairs.inwards.apart, pairs.inwards.cubed, pairs.own.cubed
+def _whole(masses, own, beyond, pairs, kepler, centre, changes):
+    """Return the interaction, or its change, from its three parts.
+
+    kepler, centre : the changes of the pulls by the centre of mass of those inside and by the dominant body; else not
+        used, as the pulls themselves are rounded once, with their masses
+    """
     if changes:
-        apart = added(change_of_pull(pairs.own, shifted), -masses.pull, change_of_pull(pairs.inwards, moved))
+        apart = added(kepler, -masses.pull, centre)
         further = times(masses.inner, beyond)
     else:
-        pull = masses.pull * near
-        (x, y, z), (ux, uy, uz) = r, u
-        apart = difference(x, kepler, ux, pull), difference(y, kepler, uy, pull), difference(z, kepler, uz, pull)
-        further = added(times(-(masses.rest * near), u), masses.inner, beyond)
+        (x, y, z), (ux, uy, uz), near = pairs.own.apart, pairs.inwards.apart, pairs.inwards.cubed
+        pull, power = masses.pull * near, pairs.own.cubed
+        apart = difference(x, power, ux, pull), difference(y, power, uy, pull), difference(z, power, uz, pull)
+        further = added(times(-(masses.rest * near), pairs.inwards.apart), masses.inner, beyond)
     return added(added(further, masses.outer, own), masses.attracting, apart)
 
 
@@ -297,20 +291,22 @@ def _component(mass, a, b, c, d):
 
 
 @verb
-def _pulls(pairs, moved, masses, changes):
-    """Return the accelerations of planets by each other, or their changes with the places moved."""
+def _pulls(u, among, moved, masses, changes):
+    """Return the accelerations of planets by each other, or their changes with the places moved; among : the pairs of
+    those in the first register.
+    """
     if moved[0] == pair:
         return _pulls_of_two
-    return lambda pairs, moved, masses, changes: _pulls_of_pairs(pairs.among, moved, masses.mass, changes)
+    return lambda u, among, moved, masses, changes: _pulls_of_pairs(among, moved, masses.mass, changes)
 
 
-def _pulls_of_two(pairs, moved, masses, changes):
+def _pulls_of_two(u, among, moved, masses, changes):
     """Those of the first register by turning it; then each planet of the second one with all others at once, so that
     the time grows with how many there are.
     """
-    u, (mass, source), here, none = pairs.inwards.apart, halves(masses.mass), unit(0), (full(0.0), full(0.0), full(0.0))
+    (mass, source), here, none = halves(masses.mass), unit(0), (full(0.0), full(0.0), full(0.0))
     U, E, b = half_of_three(u, 1), half_of_three(moved, 1), none
-    f = joined_three(_pulls_of_pairs(pairs.among, half_of_three(moved, 0), mass, changes), none)
+    f = joined_three(_pulls_of_pairs(among, half_of_three(moved, 0), mass, changes), none)
     _, attracting = halves(masses.attracting)
     for _ in range(first_lane(attracting <= 0.0)):  # the planets in the second register
         d = _first_less(U, u)
@@ -363,30 +359,30 @@ def _coordinates_of(planets, room, register, shifted):
 
 
 @kernel
-def _sum_in_passes(planets, room, count, shifted, changes):
+def _sum_in_passes(planets, room, count, displaced, changes):
     """Write the interaction at u, in the rows PLACE, into the rows FORCE; or add its change along the rows SHIFTED, and
     MOVED for u. From outside inwards, for the sums over the planets further out.
+
+    displaced : whether r' is in the rows SHIFTED, too
     """
     registers, beyond = room.shape[0] // ROWS, (0.0, 0.0, 0.0)
     for k in range(registers):
         register = registers - 1 - k
         first = ROWS * register
-        masses, u, moved = (
-            masses_of(full(0.0), room[first:]),
-            load_three(room, first + PLACE),
-            load_three(room, first + MOVED),
-        )
-        pairs = Pairs(_pairs_within(u), pair_of(u), pair_of(_coordinates_of(planets, room, register, shifted)))
+        masses, u = masses_of(full(0.0), room[first:]), load_three(room, first + PLACE)
+        shifted, moved = load_three(room, first + SHIFTED), load_three(room, first + MOVED)
+        pairs = Pairs(_pairs_within(u), pair_of(u), pair_of(_coordinates_of(planets, room, register, displaced)))
         own = _pulls_of_pairs(pairs.among, moved, masses.mass, changes)
         for source in range(registers):
             other = ROWS * source
             for slot in range(min(WIDTH, count - WIDTH * source) if source != register else 0):
                 d, e = minus(_column(room, other + PLACE, slot), u), minus(_column(room, other + MOVED, slot), moved)
                 own = with_pull(own, room[other + MASS, slot], d, e, changes)
-        inner = _on_inner(masses, own, pairs.inwards, moved, changes)
+        kepler, centre = pull_of(pairs.own, shifted, changes), pull_of(pairs.inwards, moved, changes)
+        inner = _on_inner(masses, own, pairs.inwards, centre, changes)
         further = plus(outside_of(inner), beyond)
         beyond = plus(beyond, totals(inner))
-        force = _whole(masses, own, further, pairs, load_three(room, first + SHIFTED), moved, changes)
+        force = _whole(masses, own, further, pairs, kepler, centre, changes)
         if changes:
             force = plus(load_three(room, first + FORCE), force)
         store_three(room, first + FORCE, force)

@@ -1,9 +1,9 @@
 """Programs: the steps and correctors of Wisdom–Holman maps as sequences of stages, rows (kind, length).
 
-A stage is implemented once for planets and for the massless particles among them (`orbits.kernels.maps.stages`), and
-once for tangent vectors (`orbits.kernels.tangents.through_maps`). The coefficients of a method on Kepler orbits are the
-rows of `HEADER`, of the program that leads from the states that are seen to those that are marched, and of that of a
-step.
+A stage is implemented once for planets (`orbits.kernels.maps.stages`), once for the massless particles among them
+(`orbits.kernels.maps.entering`), and once for tangent vectors (`orbits.kernels.tangents.through_maps`). The
+coefficients of a method on Kepler orbits are the rows of `HEADER`, of the program that leads from the states that are
+seen to those that are marched, and of that of a step.
 """
 
 from __future__ import annotations

@@ -25,7 +25,6 @@ from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import any_lane, full, lane, load, store
-from orbits.kernels.maps.interaction import inside_of, outside_of
 from orbits.kernels.maps.layout import (
     FORCE,
     MASS,
@@ -47,7 +46,17 @@ from orbits.kernels.maps.terms_by_kind import (
     pulls_at,
     terms_of,
 )
-from orbits.kernels.maps.threes import added, chosen, load_three, minus, store_three, times, totals
+from orbits.kernels.maps.threes import (
+    added,
+    chosen,
+    inside_of,
+    load_three,
+    minus,
+    outside_of,
+    store_three,
+    times,
+    totals,
+)
 
 WEAK = 1e-13
 """The square of s/w below which two evaluations do."""

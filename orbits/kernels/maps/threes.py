@@ -6,7 +6,19 @@ from numba import types
 
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import fma, get, halves, joined, load_like, put, select, store_like, total
+from orbits.kernels.lanes import (
+    fma,
+    get,
+    halves,
+    joined,
+    load_like,
+    put,
+    select,
+    store_like,
+    sums_after,
+    sums_before,
+    total,
+)
 from orbits.kernels.sums.summation import accumulate
 
 
@@ -58,6 +70,18 @@ def chosen(condition, a, b):
 def totals(a):
     """Return the sums over the lanes."""
     return total(a[0]), total(a[1]), total(a[2])
+
+
+@kernel(inline=True)
+def inside_of(share, a):
+    """Return the sums of `share` times a over the planets of a register that are further inside."""
+    return sums_before(share * a[0]), sums_before(share * a[1]), sums_before(share * a[2])
+
+
+@kernel(inline=True)
+def outside_of(a):
+    """Return the sums over the planets of a register that are further out."""
+    return sums_after(a[0]), sums_after(a[1]), sums_after(a[2])
 
 
 @kernel(inline=True)

@@ -80,20 +80,17 @@ def flow_of(place, velocity, gm, dt, moved, change):
 
     gm : 0 where nothing attracts; the motion is then straight
     """
-    (x, y, z), (vx, vy, vz), (dx, dy, dz), (dvx, dvy, dvz) = place, velocity, moved, change
     there = gm > 0.0
     gm = select(there, gm, 1.0)
-    r0 = sqrt(fma(x, x, fma(y, y, z * z)))
+    r0 = sqrt(dot(place, place))
     near = 1.0 / r0
-    eta, v2 = fma(x, vx, fma(y, vy, z * vz)), fma(vx, vx, fma(vy, vy, vz * vz))
+    eta, v2 = dot(place, velocity), dot(velocity, velocity)
     beta = fma(2.0 * gm, near, -v2)
     zeta = fma(-beta, r0, gm)
-    turned = fma(x, dvx, fma(y, dvy, z * dvz)) + (
-        fma(dx, vx, fma(dy, vy, dz * vz)) + fma(dx, dvx, fma(dy, dvy, dz * dvz))
-    )
+    turned = dot(place, change) + (dot(moved, velocity) + dot(moved, change))
     s = fma(beta, dt, turned) / gm
-    ex, ey, ez = x + dx, y + dy, z + dz
-    r1 = sqrt(fma(ex, ex, fma(ey, ey, ez * ez)))
+    end = plus(place, moved)
+    r1 = sqrt(dot(end, end))
     far = 1.0 / r1
     fast = (-beta * r0 > FAST * gm) * (eta * (eta + turned) > 0.0)
     if any_lane(fast):  # the sum for s cancels; but the distance is between those at both ends, and so is ds/dt
