@@ -31,8 +31,8 @@ from orbits.errors import InputError, shown
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.encounters import Encounters, read, without_planets
 from orbits.integrators.forms import Form
-from orbits.integrators.maps.heliocentric_form import DemocraticHeliocentric
 from orbits.integrators.maps.jacobi_form import KeplerSplitting
+from orbits.integrators.maps.stages_form import DemocraticHeliocentric
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
 from orbits.tableaux.correctors import PAIRS
 

@@ -7,8 +7,7 @@ import pytest
 
 import orbits
 from orbits.elements import state_from_elements
-from orbits.kernels.maps.interaction import displace, interact
-from orbits.kernels.maps.interaction_along_itself import modify
+from orbits.kernels.maps.interaction import displace, interact, modify
 from orbits.kernels.maps.jacobi_stages import (
     advance_planets,
     finish_velocities,

@@ -11,7 +11,7 @@ from orbits import diagnostics
 from orbits.errors import StepWarning
 from orbits.integrators import parse
 from orbits.kernels.maps.interaction import interact
-from orbits.kernels.maps.jacobi_stages import advance_planets, finish_velocities, step_in_stages
+from orbits.kernels.maps.jacobi_stages import advance_planets, finish_velocities, step_in_pairs
 from orbits.kernels.maps.programs import LENGTH, programs_of
 from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
@@ -114,7 +114,7 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(count):
     other, its_room = planets.copy(), room.copy()
     _, stages = programs_of.py_func(DEFAULT.second_order.coefficients(6.0, 6.0))
     for _ in range(10):
-        step_in_stages(None, planets, room, count, stages)
+        step_in_pairs(None, planets, room, count, stages)
         for kick, drift in stages[:, LENGTH].reshape(-1, 2):
             interact(other, its_room, count, False)
             advance_planets(other, its_room, drift, kick)

@@ -70,9 +70,10 @@ def flow_matrix(x, v, gm, dt, increments, out):
     for k in range(6):
         for i in range(6):
             out[i, k] = 1.0 if i == k else 0.0
-        one = flow_change(flow, out[0, k], out[1, k], out[2, k], out[3, k], out[4, k], out[5, k])
-        for i in range(6):
-            out[i, k] += one[i]
+        way, change = flow_change(flow, (out[0, k], out[1, k], out[2, k]), (out[3, k], out[4, k], out[5, k]))
+        for i in range(3):
+            out[i, k] += way[i]
+            out[3 + i, k] += change[i]
 
 
 @pytest.mark.parametrize("name", at((1, 3, 5, 7), CASES))

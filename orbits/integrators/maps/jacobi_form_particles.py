@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from orbits.integrators.maps.on_kepler_orbits import begin_particles as taken_particles
-from orbits.integrators.maps.on_kepler_orbits import keep_particles
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import full, halves
+from orbits.kernels.maps.entering import begin_particles as taken_particles
+from orbits.kernels.maps.entering import keep_particles
 from orbits.kernels.maps.jacobi import prepare_room
 from orbits.kernels.maps.jacobi_particles import (
     drifted_particles,
+    flowing_particles,
     half_of_marched,
     interaction,
     joined_marched,
@@ -20,7 +21,6 @@ from orbits.kernels.maps.jacobi_particles import (
 from orbits.kernels.maps.jacobi_stages import evaluate_kick, step_in_memory
 from orbits.kernels.maps.jacobi_tables import flow_rows, table_rows, tabulate_centres
 from orbits.kernels.maps.layout import registers_of
-from orbits.kernels.maps.particle_flow import flowing_particles
 from orbits.kernels.maps.programs import KICK, LAZY, SHIFT, WHOLE
 from orbits.kernels.maps.terms_by_kind import has_terms, strength_of
 from orbits.kernels.steps import OK, Particles
@@ -74,10 +74,10 @@ def _stepped(method, model, carry, storage):
         marched = flowing_particles(model, table, flows + 3 * (count + 1), marched, rows, kick)
         change = none, none, none
     else:
-        marched, change = drifted_particles(carry, own[0, WHOLE], kick)
+        marched, change = drifted_particles(carry, own[0, WHOLE], kick, None)
     g = interaction(model, table, first, own[0, SHIFT], own[0, KICK] == LAZY, marched, rows)
     marched = kicked_particles(marched, change, kick, g)
-    return seen_at(table, first, marched, rows), marched
+    return seen_at(table, first + count, marched, rows), marched
 
 
 @kernel(inline=True)

@@ -13,83 +13,24 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import Array, Form, padded
 from orbits.integrators.maps.dominant import registers_for, require_dominant
-from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.maps.jacobi_particles import MEMORY_ROWS, store_marched, take_particles
-from orbits.kernels.maps.jacobi_tables import table_rows
-from orbits.kernels.maps.layout import ROWS, STATE_ROWS, rooms
-from orbits.kernels.maps.programs import ENTRY, HEADER, KICK, STANDARD, WHOLE, stretch
-from orbits.kernels.maps.stages import (
-    at_the_end,
-    enter_among,
-    enter_map,
-    leave_among,
-    leave_map,
-    prepare,
-    show_coordinates,
+from orbits.kernels.maps.entering import (
+    begin,
+    begin_particles,
+    enter,
+    enter_particles,
+    keep_particles,
+    leave,
+    leave_particles,
+    show,
 )
-from orbits.kernels.maps.terms_by_kind import strength_of
-from orbits.kernels.steps import NOWHERE
+from orbits.kernels.maps.jacobi_particles import MEMORY_ROWS
+from orbits.kernels.maps.jacobi_tables import table_rows
+from orbits.kernels.maps.layout import ROWS, STATE_ROWS
+from orbits.kernels.maps.programs import ENTRY, HEADER, KICK, STANDARD, WHOLE, stretch
 
 Program = list[tuple[int, float]]
 """Stages, (kind, length) each; see `orbits.kernels.maps.programs`."""
-
-
-@kernel
-def enter(method, model, h, state, storage):
-    """Change to what is marched: other coordinates, and the program that leads there, such as a corrector."""
-    room, _ = rooms(storage.carry, storage.scratch)
-    enter_map(method, model, state, storage.carry, room, storage.stages)
-
-
-@kernel
-def leave(method, model, h, state, storage):
-    """Change back; the marched state is lost."""
-    room, _ = rooms(storage.carry, storage.scratch)
-    leave_map(method, model, state, storage.carry, room, storage.stages)
-
-
-@kernel
-def show(method, model, state, storage):
-    """Write the state of the bodies, of methods that march within the first Kepler motion of a step."""
-    room, copy = rooms(storage.carry, storage.scratch)
-    at_the_end(method, storage.carry, room, copy)
-    show_coordinates(method, strength_of(model), copy, room, state.q, state.p)
-
-
-@kernel
-def begin(method, model, t, h, state, storage):
-    """Write the constants of the planets."""
-    room, _ = rooms(storage.carry, storage.scratch)
-    prepare(method, strength_of(model), storage.carry, room)
-
-
-@kernel
-def enter_particles(method, model, state, particles, rows, storage):
-    """Change to what is marched."""
-    room, _ = rooms(storage.carry, storage.scratch)
-    enter_among(method, model, state, storage.carry, room, storage.stages, particles, rows, storage.share)
-
-
-@kernel
-def leave_particles(method, model, state, particles, rows, storage):
-    """Change back; what is marched is lost."""
-    room, _ = rooms(storage.carry, storage.scratch)
-    leave_among(method, model, storage.carry, room, storage.stages, particles, rows, storage.share)
-
-
-@kernel(inline=True)
-def begin_particles(method, model, particles, storage):
-    """Return eight particles as they are marched, from their rows of the carry."""
-    # Those that are retired are at one place, as the padding is.
-    there = 1.0 - (particles.x == NOWHERE) * (particles.y == NOWHERE) * (particles.z == NOWHERE)
-    return take_particles(storage.carry, storage.share.start, there, storage.scratch)
-
-
-@kernel(inline=True)
-def keep_particles(method, carry, storage):
-    """Write eight particles as they are marched into their rows of the carry."""
-    store_marched(storage.carry, storage.share.start, carry, storage.scratch)
 
 
 def in_order(carry: Array, n: int) -> NDArray[np.int64]:

@@ -19,11 +19,11 @@ Source: Duncan, Levison & Lee (1998), AJ 116, 2067; Rein & Tamayo (2019), RNAAS 
 
 from __future__ import annotations
 
+from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
-from orbits.kernels.kepler.short_flow import short_increments
-from orbits.kernels.lanes import WIDTH, fma, full, lane, load, rsqrt_cubed, total
-from orbits.kernels.maps.interaction import pulls_within
-from orbits.kernels.maps.jacobi import number_planets, sum_of_pairs, write_difference
+from orbits.kernels.lanes import WIDTH, full, lane, load, total
+from orbits.kernels.maps.interaction import pulls_within, with_pull
+from orbits.kernels.maps.jacobi import sum_of_pairs, write_difference
 from orbits.kernels.maps.jacobi_stages import move_centre
 from orbits.kernels.maps.layout import (
     ROWS,
@@ -32,21 +32,10 @@ from orbits.kernels.maps.layout import (
     constant,
     coordinate,
     dominant,
-    load_three,
     registers_in,
-    rest_elsewhere,
-    store_three,
 )
-from orbits.kernels.maps.orbits import (
-    displaced,
-    drifted,
-    kicked,
-    orbits_of,
-    place_of,
-    times,
-    velocity_of,
-    write_orbits,
-)
+from orbits.kernels.maps.orbits import displaced, kicked, moved, orbits_of, pushed_and_drifted, write_orbits
+from orbits.kernels.maps.threes import load_three, minus, store_three, times, totals
 from orbits.kernels.sums.summation import add_product
 
 FORCE, MASS, SHARE, PART, ATTRACTING = 0, 3, 4, 5, 6
@@ -76,49 +65,39 @@ def attract(planets, room, count):
     """Write the attraction of `count` planets by each other into the rows FORCE."""
     registers = room.shape[0] // ROWS
     for register in range(registers):
-        x, y, z = load_three(planets, STATE_ROWS * register)
-        (fx, fy, fz), _ = pulls_within(x, y, z, load(room, ROWS * register + MASS))
+        u = load_three(planets, STATE_ROWS * register)
+        f = pulls_within(u, load(room, ROWS * register + MASS))
         for source in range(registers):
             other = STATE_ROWS * source
             for slot in range(min(WIDTH, count - WIDTH * source) if source != register else 0):
-                dx, dy, dz = planets[other, slot] - x, planets[other + 1, slot] - y, planets[other + 2, slot] - z
-                w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, dx * dx))) * room[ROWS * source + MASS, slot]
-                fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
-        store_three(room, ROWS * register + FORCE, (fx, fy, fz))
+                d = minus((planets[other, slot], planets[other + 1, slot], planets[other + 2, slot]), u)
+                f = with_pull(f, room[ROWS * source + MASS, slot], d, d, False)
+        store_three(room, ROWS * register + FORCE, f)
 
 
 @kernel
-def step_heliocentric(planets, room, count, h):
-    """Take a step: a kick with the motion by that of the dominant body, then Kepler motions. Returns P / m_0."""
+def kick_and_drift_heliocentric(planets, room, count, kick, drift):
+    """Take a kick with the motion by that of the dominant body, then Kepler motions. Returns P / m_0."""
     attract(planets, room, count)
     jump = _jump(planets, room)
-    way = full(h * jump[0]), full(h * jump[1]), full(h * jump[2])
+    way = full(kick * jump[0]), full(kick * jump[1]), full(kick * jump[2])
     for register in range(room.shape[0] // ROWS):
         own, force = planets[STATE_ROWS * register :], load_three(room, ROWS * register + FORCE)
         attracting = load(room, ROWS * register + ATTRACTING)
-        write_orbits(own, jumped_and_drifted(orbits_of(full(0.0), own), attracting, h, way, times(h, force)))
-    move_centre(planets, h)
+        orbits, change = pushed_and_drifted(orbits_of(full(0.0), own), attracting, drift, way, times(kick, force))
+        write_orbits(own, kicked(orbits, change))
+    move_centre(planets, drift)
     return jump
-
-
-@kernel(inline=True)
-def jumped_and_drifted(orbits, gm, h, jump, kick):
-    """Return orbits after a kick with a jump of the places, three numbers each, and Kepler motions of h."""
-    (x, y, z), (jx, jy, jz), (kx, ky, kz) = place_of(orbits), jump, kick
-    dx, dy, dz, dvx, dvy, dvz = short_increments(
-        x + jx, y + jy, z + jz, orbits.vx + kx, orbits.vy + ky, orbits.vz + kz, gm, full(h)
-    )
-    return kicked(displaced(orbits, (dx + jx, dy + jy, dz + jz)), (dvx + kx, dvy + ky, dvz + kz))
 
 
 @kernel(inline=True)
 def _jump(planets, room):
     """Return P / m_0."""
-    x, y, z = 0.0, 0.0, 0.0
+    jump = 0.0, 0.0, 0.0
     for register in range(room.shape[0] // ROWS):
-        share, (vx, vy, vz) = load(room, ROWS * register + SHARE), load_three(planets, STATE_ROWS * register + 3)
-        x, y, z = x + total(share * vx), y + total(share * vy), z + total(share * vz)
-    return x, y, z
+        share, velocity = load(room, ROWS * register + SHARE), load_three(planets, STATE_ROWS * register + 3)
+        jump = plus(jump, totals(times(share, velocity)))
+    return jump
 
 
 @kernel
@@ -137,63 +116,45 @@ def drift_heliocentric(planets, room, h):
     """Advance the planets on their Kepler orbits by h."""
     for register in range(room.shape[0] // ROWS):
         own, attracting = planets[STATE_ROWS * register :], load(room, ROWS * register + ATTRACTING)
-        orbits = orbits_of(full(0.0), own)
-        moved, change = drifted(orbits, attracting, h, velocity_of(orbits))
-        write_orbits(own, kicked(moved, change))
+        write_orbits(own, moved(orbits_of(full(0.0), own), attracting, h))
     move_centre(planets, h)
 
 
 @kernel
-def enter_heliocentric(strength, q, q_lo, p, p_lo, planets, room):
-    """Write the planets of a state (q, q_lo), (p, p_lo) of bodies, and the constants into `room`; numbers the planets
-    unless they are numbered already.
-    """
-    n, centre = strength.shape[0] - 1, STATE_ROWS * registers_in(planets)
-    if planets[centre, 7] == 0.0:
-        number_planets(strength, q, p, planets)
-    prepare_heliocentric(strength, planets, room)
-    sun, furthest = dominant(planets), 0.0
-    for component in range(6):
-        x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
-        axis = component % 3 * n
-        sun_hi, sun_lo = x[axis + sun], x_lo[axis + sun]
-        hi, lo = sun_hi, sun_lo
-        for i in range(n - 1):
-            body = axis + body_of(planets, i)
-            d, e = write_difference(planets, component, i, x[body], x_lo[body], sun_hi, sun_lo)
-            hi, lo = add_product(hi, lo, constant(room, PART, i), d, e)
-            if component < 3:
-                furthest = max(furthest, abs(d))
-        planets[centre, component], planets[centre + 1, component] = hi, lo
-        for i in range(n - 1 if component >= 3 else 0):
-            body = axis + body_of(planets, i)
-            write_difference(planets, component, i, x[body], x_lo[body], hi, lo)
-    rest_elsewhere(planets, n - 1, furthest)
+def enter_heliocentric(planets, room, component, n, x, x_lo):
+    """Write a component of the planets and of the centre of mass from that of n bodies, (x, x_lo)."""
+    centre, sun = STATE_ROWS * registers_in(planets), dominant(planets)
+    hi, lo = x[sun], x_lo[sun]
+    for i in range(n - 1):
+        body = body_of(planets, i)
+        d, e = write_difference(planets, component, i, x[body], x_lo[body], x[sun], x_lo[sun])
+        hi, lo = add_product(hi, lo, constant(room, PART, i), d, e)
+    planets[centre, component], planets[centre + 1, component] = hi, lo
+    for i in range(n - 1 if component >= 3 else 0):
+        body = body_of(planets, i)
+        write_difference(planets, component, i, x[body], x_lo[body], hi, lo)
 
 
 @kernel
-def leave_heliocentric(strength, planets, room, q, q_lo, p, p_lo):
-    """Write the state of the bodies, in doubled precision."""
-    n, sun = strength.shape[0] - 1, dominant(planets)
-    for component in range(6):
-        x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
-        axis = component % 3 * n
-        hi, lo = origin_of(strength, planets, room, component)
-        for i in range(n - 1):
-            body = axis + body_of(planets, i)
-            d, e = coordinate(planets, component, i), coordinate(planets, 6 + component, i)
-            x[body], x_lo[body] = sum_of_pairs(hi, lo, d, e)
-        x[axis + sun], x_lo[axis + sun] = dominant_at(planets, room, n - 1, component)
+def leave_heliocentric(planets, room, component, n, x, x_lo):
+    """Write a component of n bodies, in doubled precision."""
+    hi, lo = origin_of(planets, room, n - 1, component)
+    for i in range(n - 1):
+        body = body_of(planets, i)
+        d, e = coordinate(planets, component, i), coordinate(planets, 6 + component, i)
+        x[body], x_lo[body] = sum_of_pairs(hi, lo, d, e)
+    sun = dominant(planets)
+    x[sun], x_lo[sun] = dominant_at(planets, room, n - 1, component)
 
 
 @kernel
-def origin_of(strength, planets, room, component):
+def origin_of(planets, room, count, component):
     """Return a component of that to which bodies are relative, as a pair (hi, lo): the position of the dominant body,
     or the velocity of the centre of mass.
     """
     centre = STATE_ROWS * registers_in(planets)
     if component < 3:
-        return dominant_at(planets, room, strength.shape[0] - 2, component)
+        return dominant_at(planets, room, count, component)
     return planets[centre, component], planets[centre + 1, component]
 
 
@@ -229,3 +190,23 @@ def show_heliocentric(strength, planets, room, q, p):
             for k in range(min(WIDTH, n - 1 - WIDTH * register)):
                 x[axis + body_of(planets, WIDTH * register + k)] = lane(place, k)
         x[axis + dominant(planets)] = own
+
+
+@kernel
+def tabulate_heliocentric(planets, room, table, first, count):
+    """Write the places of the planets before a kick into a table; see `orbits.kernels.maps.jacobi_tables`."""
+    for i in range(count):
+        for component in range(3):
+            table[first + i, component] = coordinate(planets, component, i)
+        table[first + i, 6] = constant(room, MASS, i)
+    for k in range(6):
+        table[first + count, k] = 0.0
+
+
+@kernel
+def tabulate_origin(planets, room, table, first, count):
+    """Write the position of the dominant body and the velocity of the centre of mass into a table; planets : at the end
+    of a step.
+    """
+    for component in range(6):
+        table[first + count + 2, component] = origin_of(planets, room, count, component)[0]

@@ -38,7 +38,6 @@ from orbits.kernels.maps.layout import (
     coordinate,
     dominant,
     registers_in,
-    rest_elsewhere,
 )
 from orbits.kernels.sums.summation import add_product, quick_two_sum, two_product, two_sum
 
@@ -128,27 +127,15 @@ def _tightness(strength, q, p, sun, body):
 
 
 @kernel
-def enter_planets(strength, q, q_lo, p, p_lo, planets, room):
-    """Write the planets of a state (q, q_lo), (p, p_lo) of bodies, and the constants into `room`; numbers the planets
-    unless they are numbered already.
-    """
-    n, centre = strength.shape[0] - 1, STATE_ROWS * registers_in(planets)
-    if planets[centre, 7] == 0.0:
-        number_planets(strength, q, p, planets)
-    prepare_room(strength, planets, room)
-    sun, furthest = dominant(planets), 0.0
-    for component in range(6):
-        x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
-        axis = component % 3 * n
-        hi, lo = x[axis + sun], x_lo[axis + sun]
-        for i in range(n - 1):
-            body = axis + body_of(planets, i)
-            d, e = write_difference(planets, component, i, x[body], x_lo[body], hi, lo)
-            if component < 3:
-                furthest = max(furthest, abs(d))
-            hi, lo = add_product(hi, lo, constant(room, SHARE, i), d, e)
-        planets[centre, component], planets[centre + 1, component] = hi, lo
-    rest_elsewhere(planets, n - 1, furthest)
+def enter_planets(planets, room, component, n, x, x_lo):
+    """Write a component of the planets and of the centre of mass from that of n bodies, (x, x_lo)."""
+    centre, sun = STATE_ROWS * registers_in(planets), dominant(planets)
+    hi, lo = x[sun], x_lo[sun]
+    for i in range(n - 1):
+        body = body_of(planets, i)
+        d, e = write_difference(planets, component, i, x[body], x_lo[body], hi, lo)
+        hi, lo = add_product(hi, lo, constant(room, SHARE, i), d, e)
+    planets[centre, component], planets[centre + 1, component] = hi, lo
 
 
 @kernel(inline=True)
@@ -175,21 +162,17 @@ def sum_of_pairs(hi, lo, d, e):
 
 
 @kernel
-def leave_planets(strength, planets, room, q, q_lo, p, p_lo):
-    """Write the state of the bodies, in doubled precision."""
-    n, centre = strength.shape[0] - 1, STATE_ROWS * registers_in(planets)
-    sun = dominant(planets)
-    for component in range(6):
-        x, x_lo = (q, q_lo) if component < 3 else (p, p_lo)
-        axis = component % 3 * n
-        hi, lo = planets[centre, component], planets[centre + 1, component]
-        for j in range(n - 1):
-            i = n - 2 - j
-            body = axis + body_of(planets, i)
-            d, e = coordinate(planets, component, i), coordinate(planets, 6 + component, i)
-            hi, lo = add_product(hi, lo, -constant(room, SHARE, i), d, e)
-            x[body], x_lo[body] = sum_of_pairs(hi, lo, d, e)
-        x[axis + sun], x_lo[axis + sun] = hi, lo
+def leave_planets(planets, room, component, n, x, x_lo):
+    """Write a component of n bodies, in doubled precision."""
+    centre, sun = STATE_ROWS * registers_in(planets), dominant(planets)
+    hi, lo = planets[centre, component], planets[centre + 1, component]
+    for back in range(n - 1):
+        i = n - 2 - back
+        body = body_of(planets, i)
+        d, e = coordinate(planets, component, i), coordinate(planets, 6 + component, i)
+        hi, lo = add_product(hi, lo, -constant(room, SHARE, i), d, e)
+        x[body], x_lo[body] = sum_of_pairs(hi, lo, d, e)
+    x[sun], x_lo[sun] = hi, lo
 
 
 @kernel

@@ -14,8 +14,11 @@ fastest, and the steps are longest for it, g is small.
 
 `memory` is (particles, 2, 8), what is marched: r' and its velocity, i + 1 (0 for a particle that has no place yet,
 `ELSEWHERE` for one that other steps march) and M_i; then the low parts of the first six numbers. What particles need of
-the planets stands in tables, see `orbits.kernels.maps.jacobi_tables`. In democratic heliocentric coordinates all
-particles have the place 0.
+the planets stands in tables, see `orbits.kernels.maps.jacobi_tables`.
+
+In democratic heliocentric coordinates all particles have the place 0, with C_0 = B_0 = 0: their coordinates are those
+of planets (`orbits.kernels.maps.heliocentric`), the position relative to the dominant body and the velocity relative to
+the centre of mass of all.
 
 Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 376.
 """
@@ -24,28 +27,37 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import (
     WIDTH,
-    fma,
     full,
     get,
     halves,
     joined,
     lane,
     load,
-    rsqrt_cubed,
     select,
     store,
     transposed,
     unit,
 )
-from orbits.kernels.maps.interaction import difference
-from orbits.kernels.maps.interaction_along_itself import tide
-from orbits.kernels.maps.jacobi_tables import of_places
-from orbits.kernels.maps.orbits import Orbits, added, drifted, kicked, place_of, times, velocity_of
-from orbits.kernels.maps.terms_by_kind import strength_of
-from orbits.kernels.maps.terms_of_dominant import pull_more
+from orbits.kernels.maps.interaction import change_of_pull, difference, pair_of, with_pull
+from orbits.kernels.maps.jacobi_tables import flow_rows, of_places
+from orbits.kernels.maps.orbits import Orbits, displaced, kicked, moved, pushed_and_drifted
+from orbits.kernels.maps.terms_by_kind import depends_on_velocities, strength_of
+from orbits.kernels.maps.terms_of_dominant import particle_rates, pull_more
+from orbits.kernels.maps.threes import (
+    added,
+    chosen,
+    half_of_three,
+    joined_three,
+    load_three,
+    minus,
+    store_three,
+    times,
+)
 from orbits.kernels.search.context import flat
 from orbits.kernels.steps import NOWHERE, Particles
 
@@ -62,7 +74,7 @@ ELSEWHERE = -1.0
 class Marched(NamedTuple):
     """Eight particles as they are marched, or two times eight.
 
-    orbits : r' and its velocity; g : (gx, gy, gz); gm : M_i, 0 in lanes without a particle
+    orbits : r' and its velocity; g : three numbers; gm : M_i, 0 in lanes without a particle
     number : i; common : i as an integer if it is that of all lanes, else -1
     """
 
@@ -86,75 +98,51 @@ def with_force(marched, g):
 
 
 @kernel(inline=True)
-def attraction(line, planets, count, second, u, g):
-    """Return g with the attraction by the planets at u.
-
-    planets : the first of their rows in the table; second : whether of those at displaced positions
-    """
-    (ux, uy, uz), (fx, fy, fz) = u, g
-    for j in range(count):
-        row = WIDTH * (planets + j)
-        at = row + 3 * second
-        dx, dy, dz = get(line, at) - ux, get(line, at + 1) - uy, get(line, at + 2) - uz
-        w = rsqrt_cubed(fma(dz, dz, fma(dy, dy, dx * dx))) * get(line, row + 6)
-        fx, fy, fz = fma(w, dx, fx), fma(w, dy, fy), fma(w, dz, fz)
-    return fx, fy, fz
-
-
-@kernel(inline=True)
 def _plain(line, first, count, second, place, moved, marched):
     """Return (g, u) at a place relative to R_i.
 
-    line : the table, row after row; second : whether of the planets at displaced positions
-    place : (x, y, z); moved : C_i and B_i
+    line : the table, row after row; second : whether of the planets at displaced positions; moved : C_i and B_i
     """
-    (x, y, z), (cx, cy, cz, bx, by, bz) = place, moved
-    ux, uy, uz = x + cx, y + cy, z + cz
-    fx, fy, fz = attraction(line, first + 3 * (count + 1), count, second, (ux, uy, uz), (bx, by, bz))
+    u, g = plus(place, moved[0]), moved[1]
+    for j in range(count):
+        row = WIDTH * (first + j)
+        d = minus(load_three(line, row + 3 * second), u)
+        g = with_pull(g, get(line, row + 6), d, d, False)
     if marched.common == 0:  # inside all planets the pull of the dominant body is that of the Kepler part, exactly
-        return (fx, fy, fz), (ux, uy, uz)
-    kepler = marched.gm * rsqrt_cubed(fma(x, x, fma(y, y, z * z)))
-    # In lanes without a particle nothing attracts.
-    central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
-    pull = central * rsqrt_cubed(fma(ux, ux, fma(uy, uy, uz * uz)))
-    return (
-        fx + difference(kepler, x, pull, ux),
-        fy + difference(kepler, y, pull, uy),
-        fz + difference(kepler, z, pull, uz),
-    ), (ux, uy, uz)
+        return g, u
+    kepler, centre = marched.gm * pair_of(place).cubed, central(line, first + count, marched) * pair_of(u).cubed
+    return plus(g, _differences(kepler, place, centre, u)), u
+
+
+@kernel(inline=True)
+def central(line, places, marched):
+    """Return m_0 of a table, and 0 in lanes without a particle, where nothing attracts."""
+    return select(marched.gm > 0.0, get(line, WIDTH * places + 7), 0.0)
+
+
+@kernel(inline=True)
+def _differences(a, b, c, d):
+    """Return a b - c d of three numbers each, which are exactly 0 for equal products."""
+    return difference(a, b[0], c, d[0]), difference(a, b[1], c, d[1]), difference(a, b[2], c, d[2])
 
 
 @kernel(inline=True)
 def _modified(line, first, count, shift, marched, plain, second):
-    """Return g of the modified kick, from that of the plain one, with the change of g along itself.
+    """Return g of the modified kick.
 
     plain : (g, u), from `_plain`; second : the displacement of R_i - R_0, and B_i of the modified kick
     """
-    (gx, gy, gz), (ux, uy, uz) = plain
-    ex, ey, ez, bx, by, bz = second
-    sx, sy, sz = shift * gx, shift * gy, shift * gz
-    ex, ey, ez = fma(shift, gx, ex), fma(shift, gy, ey), fma(shift, gz, ez)
-    planets = WIDTH * (first + 3 * (count + 1))
+    (g, u), (e, change) = plain, second
+    shifted, e = times(shift, g), added(e, shift, g)
     for j in range(count):
-        row = planets + WIDTH * j
-        dx, dy, dz = get(line, row) - ux, get(line, row + 1) - uy, get(line, row + 2) - uz
-        tx, ty, tz = tide(
-            dx, dy, dz, fma(dz, dz, fma(dy, dy, dx * dx)),
-            get(line, row + 3) - ex, get(line, row + 4) - ey, get(line, row + 5) - ez,
-        )  # fmt: skip
-        mass = get(line, row + 6)
-        bx, by, bz = fma(mass, tx, bx), fma(mass, ty, by), fma(mass, tz, bz)
+        row = WIDTH * (first + j)
+        d, apart = minus(load_three(line, row), u), minus(load_three(line, row + 3), e)
+        change = with_pull(change, get(line, row + 6), d, apart, True)
     if marched.common == 0:
-        return gx + bx, gy + by, gz + bz
-    (x, y, z), gm = place_of(marched.orbits), marched.gm
-    kx, ky, kz = tide(x, y, z, fma(x, x, fma(y, y, z * z)), sx, sy, sz)
-    cx, cy, cz = tide(ux, uy, uz, fma(ux, ux, fma(uy, uy, uz * uz)), ex, ey, ez)
-    central = select(gm > 0.0, get(line, WIDTH * first + 7), 0.0)
-    return (
-        gx + (bx + difference(gm, kx, central, cx)),
-        gy + (by + difference(gm, ky, central, cy)),
-        gz + (bz + difference(gm, kz, central, cz)),
-    )
+        return plus(g, change)
+    kepler, centre = change_of_pull(pair_of(marched.orbits.place), shifted), change_of_pull(pair_of(u), e)
+    apart = _differences(marched.gm, kepler, central(line, first + count, marched), centre)
+    return plus(g, plus(change, apart))
 
 
 @kernel(inline=True)
@@ -163,19 +151,18 @@ def interaction(model, table, first, shift, lazy, marched, rows):
 
     shift : h^2/12, or 0 for the plain kick; lazy : whether it is the lazy one; rows : (8, 8), workspace
     """
-    count = strength_of(model).shape[0] - 2
-    line, number, common = flat(table), marched.number, marched.common
-    moved = of_places(line, first, 0, number, common, rows)
-    g, u = _plain(line, first, count, 0, place_of(marched.orbits), moved, marched)
+    count, place = strength_of(model).shape[0] - 2, marched.orbits.place
+    line, number, common, places = flat(table), marched.number, marched.common, first + count
+    moved = of_places(line, places, 0, number, common, rows)
+    g, u = _plain(line, first, count, 0, place, moved, marched)
     if lazy:
-        there = added(place_of(marched.orbits), shift, pull_more(model, u, g))
-        moved = of_places(line, first, 1, number, common, rows)
+        there = added(place, shift, pull_more(model, u, g))
+        moved = of_places(line, places, 1, number, common, rows)
         g, u = _plain(line, first, count, 1, there, moved, marched)
     elif shift != 0.0:
-        ex, ey, ez, bx, by, bz = of_places(line, first, 1, number, common, rows)
+        e, b = of_places(line, places, 1, number, common, rows)
         # The plain B_i is in g already.
-        second = ex, ey, ez, bx - moved[3], by - moved[4], bz - moved[5]
-        g = _modified(line, first, count, shift, marched, (g, u), second)
+        g = _modified(line, first, count, shift, marched, (g, u), (e, minus(b, moved[1])))
     return pull_more(model, u, g)
 
 
@@ -188,13 +175,12 @@ def with_interaction(model, table, first, shift, lazy, marched, rows):
 
 
 @kernel(inline=True)
-def drifted_particles(marched, h, kick):
+def drifted_particles(marched, h, kick, jump):
     """Return particles moved on their Kepler orbits by h, from velocities changed by `kick` times g, and the change of
-    their velocities, which they do not have yet, that by the kick included.
+    their velocities, which they do not have yet, that by the kick included; jump : see `pushed_and_drifted`.
     """
-    (vx, vy, vz), (kx, ky, kz) = velocity_of(marched.orbits), times(kick, marched.g)
-    orbits, (ax, ay, az) = drifted(marched.orbits, marched.gm, h, (vx + kx, vy + ky, vz + kz))
-    return on_orbits(marched, orbits), (ax + kx, ay + ky, az + kz)
+    orbits, change = pushed_and_drifted(marched.orbits, marched.gm, h, jump, times(kick, marched.g))
+    return on_orbits(marched, orbits), change
 
 
 @kernel(inline=True)
@@ -206,34 +192,20 @@ def kicked_particles(marched, change, kick, g):
 @kernel(inline=True)
 def moved_particles(marched, h):
     """Return particles after Kepler motions of h."""
-    orbits, change = drifted(marched.orbits, marched.gm, h, velocity_of(marched.orbits))
-    return on_orbits(marched, kicked(orbits, change))
+    return on_orbits(marched, moved(marched.orbits, marched.gm, h))
 
 
 @kernel(inline=True)
-def seen_particles(origin, marched):
+def seen_at(table, places, marched, rows):
     """Return particles as observers see them, uncorrected, and in lanes without one at rest far away.
 
-    origin : position and velocity relative to which they are marched, six numbers
+    places : the first of the rows of places in the table, which have R_i and its velocity
     """
-    (x, y, z), (vx, vy, vz) = place_of(marched.orbits), velocity_of(marched.orbits)
     there, zero = marched.gm > 0.0, 0.0 * marched.gm
-    return Particles(
-        select(there, origin[0] + x, NOWHERE),
-        select(there, origin[1] + y, NOWHERE),
-        select(there, origin[2] + z, NOWHERE),
-        zero, zero, zero,
-        select(there, origin[3] + vx, 0.0),
-        select(there, origin[4] + vy, 0.0),
-        select(there, origin[5] + vz, 0.0),
-        zero, zero, zero,
-    )  # fmt: skip
-
-
-@kernel(inline=True)
-def seen_at(table, first, marched, rows):
-    """Return the same by R_i and its velocity in a table."""
-    return seen_particles(of_places(flat(table), first, 2, marched.number, marched.common, rows), marched)
+    origin, motion = of_places(flat(table), places, 2, marched.number, marched.common, rows)
+    x, y, z = chosen(there, plus(origin, marched.orbits.place), (NOWHERE, NOWHERE, NOWHERE))
+    vx, vy, vz = chosen(there, plus(motion, marched.orbits.velocity), (0.0, 0.0, 0.0))
+    return Particles(x, y, z, zero, zero, zero, vx, vy, vz, zero, zero, zero)
 
 
 @kernel(inline=True)
@@ -260,11 +232,11 @@ def take_particles(memory, p, there, rows):
             common = i if common == -2 or common == i else -1
             held = held + unit(k)
     x, y, z, vx, vy, vz, number, gm = transposed(rows, 0)
-    x_lo, y_lo, z_lo, vx_lo, vy_lo, vz_lo, _, _ = transposed(rows, WIDTH)
+    a, b, c, d, e, f, _, _ = transposed(rows, WIDTH)
     # All lanes without a particle are at one place, and take any number.
     number = select(held > 0.0, number - 1.0, full(max(common, 0) * 1.0))
     x = select(held > 0.0, x, NOWHERE)
-    orbits = Orbits(x, y, z, vx, vy, vz, x_lo, y_lo, z_lo, vx_lo, vy_lo, vz_lo)
+    orbits = Orbits((x, y, z), (vx, vy, vz), (a, b, c), (d, e, f))
     return Marched(orbits, (full(0.0), full(0.0), full(0.0)), gm, number, 0 if common == -2 else common)
 
 
@@ -272,53 +244,40 @@ def take_particles(memory, p, there, rows):
 def joined_marched(one, two):
     """Return two times eight particles at once."""
     a, b = one.orbits, two.orbits
-    return Marched(
-        Orbits(
-            joined(a.x, b.x), joined(a.y, b.y), joined(a.z, b.z),
-            joined(a.vx, b.vx), joined(a.vy, b.vy), joined(a.vz, b.vz),
-            joined(a.x_lo, b.x_lo), joined(a.y_lo, b.y_lo), joined(a.z_lo, b.z_lo),
-            joined(a.vx_lo, b.vx_lo), joined(a.vy_lo, b.vy_lo), joined(a.vz_lo, b.vz_lo),
-        ),
-        (joined(one.g[0], two.g[0]), joined(one.g[1], two.g[1]), joined(one.g[2], two.g[2])),
-        joined(one.gm, two.gm), joined(one.number, two.number),
-        one.common if one.common == two.common else -1,
-    )  # fmt: skip
+    orbits = Orbits(
+        joined_three(a.place, b.place),
+        joined_three(a.velocity, b.velocity),
+        joined_three(a.place_lo, b.place_lo),
+        joined_three(a.velocity_lo, b.velocity_lo),
+    )
+    common = one.common if one.common == two.common else -1
+    return Marched(orbits, joined_three(one.g, two.g), joined(one.gm, two.gm), joined(one.number, two.number), common)
 
 
 @kernel(inline=True)
 def half_of_marched(both, which):
     """Return eight of `joined_marched`; which : 0 or 1, a literal."""
-    a, g = both.orbits, both.g
-    return Marched(
-        Orbits(
-            halves(a.x)[which], halves(a.y)[which], halves(a.z)[which],
-            halves(a.vx)[which], halves(a.vy)[which], halves(a.vz)[which],
-            halves(a.x_lo)[which], halves(a.y_lo)[which], halves(a.z_lo)[which],
-            halves(a.vx_lo)[which], halves(a.vy_lo)[which], halves(a.vz_lo)[which],
-        ),
-        (halves(g[0])[which], halves(g[1])[which], halves(g[2])[which]),
-        halves(both.gm)[which], halves(both.number)[which], both.common,
-    )  # fmt: skip
+    a = both.orbits
+    orbits = Orbits(
+        half_of_three(a.place, which),
+        half_of_three(a.velocity, which),
+        half_of_three(a.place_lo, which),
+        half_of_three(a.velocity_lo, which),
+    )
+    number, gm = halves(both.number)[which], halves(both.gm)[which]
+    return Marched(orbits, half_of_three(both.g, which), gm, number, both.common)
 
 
 @kernel(inline=True)
 def store_marched(memory, p, marched, rows):
     """Write eight particles to where `take_particles` reads them, but for lanes without one."""
     orbits, gm = marched.orbits, marched.gm
-    store(rows, 0, orbits.x)
-    store(rows, 1, orbits.y)
-    store(rows, 2, orbits.z)
-    store(rows, 3, orbits.vx)
-    store(rows, 4, orbits.vy)
-    store(rows, 5, orbits.vz)
+    store_three(rows, 0, orbits.place)
+    store_three(rows, 3, orbits.velocity)
     store(rows, 6, marched.number + 1.0)
     store(rows, 7, gm)
-    store(rows, 8, orbits.x_lo)
-    store(rows, 9, orbits.y_lo)
-    store(rows, 10, orbits.z_lo)
-    store(rows, 11, orbits.vx_lo)
-    store(rows, 12, orbits.vy_lo)
-    store(rows, 13, orbits.vz_lo)
+    store_three(rows, WIDTH, orbits.place_lo)
+    store_three(rows, WIDTH + 3, orbits.velocity_lo)
     store(rows, 14, full(0.0))
     store(rows, 15, full(0.0))
     a, b = transposed(rows, 0), transposed(rows, WIDTH)
@@ -326,3 +285,51 @@ def store_marched(memory, p, marched, rows):
         if p + k < memory.shape[0] and lane(gm, k) != 0.0:
             store(memory[p + k], 0, a[k])
             store(memory[p + k], 1, b[k])
+
+
+# --------------------------------------------------------------------------------------------- the flow of other terms
+
+
+@verb
+def flowing_particles(model, table, first, marched, rows, h):
+    """Return particles after h in the flow of terms that depend on velocities."""
+    if not depends_on_velocities(model):
+        return lambda model, table, first, marched, rows, h: marched
+    return lambda model, table, first, marched, rows, h: _flowing(model, table, first, marched, rows, h)
+
+
+@kernel(inline=True)
+def _flowing(model, table, first, marched, rows, h):
+    r, v = _rates(model, table, first, marched, rows, 0.5 * h, True)
+    return on_orbits(marched, kicked(displaced(marched.orbits, times(h, r)), times(h, v)))
+
+
+@kernel(inline=True)
+def _rates(model, table, first, marched, rows, half, known):
+    """Return the rates of r' and of its velocity in the flow of terms; 0 in lanes without a particle."""
+    line, orbits, nothing = flat(table), marched.orbits, (0.0, 0.0, 0.0)
+    offset, motion = of_places(line, first, 0, marched.number, marched.common, rows)
+    drift, pull = of_places(line, first, 1, marched.number, marched.common, rows)
+    at, there = WIDTH * (first + 1), marched.gm > 0.0
+    central = load_three(line, at), load_three(line, at + 3)
+    u, w = plus(orbits.place, offset), plus(orbits.velocity, motion)
+    r, v = particle_rates(model, central, u, w, half, known)
+    return chosen(there, minus(r, drift), nothing), chosen(there, minus(v, pull), nothing)
+
+
+@verb
+def change_momenta(model, table, particles, sign):
+    """Change the velocities of particles to momenta for sign = -1, or back for sign = 1, with the table for it."""
+    if not depends_on_velocities(model):
+        return lambda model, table, particles, sign: None
+    return lambda model, table, particles, sign: _change_all(model, table, particles, sign)
+
+
+@kernel
+def _change_all(model, table, particles, sign):
+    memory, retired, rows, share = particles
+    first = flow_rows(strength_of(model).shape[0] - 2)
+    for p in range(share.start, share.stop, WIDTH):
+        marched = take_particles(memory, p, present(memory, retired, p), rows)
+        rate, _ = _rates(model, table, first, marched, rows, 0.0, sign > 0.0)
+        store_marched(memory, p, on_orbits(marched, kicked(marched.orbits, times(sign, rate))), rows)

@@ -7,8 +7,7 @@ from __future__ import annotations
 from orbits.kernels.compile import kernel
 from orbits.kernels.kepler.flow import kepler_increments
 from orbits.kernels.lanes import alike, full, load, store, turned, unit
-from orbits.kernels.maps.interaction import displace, interact, interact_in, interaction
-from orbits.kernels.maps.interaction_along_itself import change_along, modify_in
+from orbits.kernels.maps.interaction import change_along, displace, interact, interact_in, interaction, modify_in
 from orbits.kernels.maps.jacobi_tables import tabulate
 from orbits.kernels.maps.layout import (
     ATTRACTING,
@@ -20,30 +19,16 @@ from orbits.kernels.maps.layout import (
     SHIFTED,
     STATE_ROWS,
     kind_of,
-    load_three,
     masses_of,
-    of_room,
     registers_in,
     stay_in_registers,
-    store_three,
-    write_room,
 )
 from orbits.kernels.maps.nearest import note_nearest
-from orbits.kernels.maps.orbits import (
-    added,
-    displaced,
-    drifted,
-    kicked,
-    kicked_and_drifted,
-    orbits_of,
-    place_of,
-    times,
-    velocity_of,
-    write_orbits,
-)
+from orbits.kernels.maps.orbits import displaced, drifted, kicked, kicked_and_drifted, orbits_of, write_orbits
 from orbits.kernels.maps.programs import KICK, LAZY, LENGTH, MODIFIED, SHIFT, STANDARD, WHOLE
 from orbits.kernels.maps.terms_by_kind import has_terms, strength_of
 from orbits.kernels.maps.terms_of_dominant import flow, flow_of_register, force_with_pulls, kick_more
+from orbits.kernels.maps.threes import added, load_three, load_three_like, store_three, store_three_like, times
 from orbits.kernels.sums.summation import add_product
 
 NO_TABLE = -1
@@ -65,7 +50,7 @@ def move_planets(planets, room, h):
     for register in range(room.shape[0] // ROWS):
         own, attracting = planets[STATE_ROWS * register :], load(room, ROWS * register + ATTRACTING)
         orbits = orbits_of(full(0.0), own)
-        (x, y, z), (vx, vy, vz) = place_of(orbits), velocity_of(orbits)
+        (x, y, z), (vx, vy, vz) = orbits.place, orbits.velocity
         dx, dy, dz, dvx, dvy, dvz = kepler_increments(x, y, z, vx, vy, vz, attracting, full(h))
         write_orbits(own, kicked(displaced(orbits, (dx, dy, dz)), (dvx, dvy, dvz)))
     move_centre(planets, h)
@@ -186,35 +171,35 @@ def step_lazy(registers, model, planets, room, h, shift):
 @kernel(inline=True)
 def _step(like, model, planets, room, h, shift, modified, lazy):
     orbits, kick = orbits_of(like, planets), 0.5 * h
-    masses, force = masses_of(like, room), of_room(like, room, FORCE)
+    masses, force = masses_of(like, room), load_three_like(like, room, FORCE, ROWS)
     if has_terms(model):
         none = alike(0.0, like)
         orbits = flow_of_register(model, masses, kicked(orbits, times(kick, force)), kick)
-        orbits, change = drifted(orbits, masses.attracting, h, velocity_of(orbits))
+        orbits, change = drifted(orbits, masses.attracting, h, orbits.velocity)
         orbits, change = flow_of_register(model, masses, kicked(orbits, change), kick), (none, none, none)
     else:
         orbits, change = kicked_and_drifted(orbits, masses.attracting, h, kick, force)
     write_orbits(planets, orbits)  # and read again for the kick: registers are scarce in between
-    force, place, pairs = interaction(orbits.x, orbits.y, orbits.z, masses)
+    force, place, pairs = interaction(orbits.place, masses)
     note_nearest(room, pairs)
     if lazy:
         force = force_with_pulls(model, masses, place, force)
-        there = added(place_of(orbits), shift, force)
-        write_room(room, SHIFTED, there)
-        force, place, _ = interaction(there[0], there[1], there[2], masses)
+        there = added(orbits.place, shift, force)
+        store_three_like(room, SHIFTED, ROWS, there)
+        force, place, _ = interaction(there, masses)
     if modified:
         force, shifted, moved = change_along(force, pairs, shift, masses)
-        write_room(room, SHIFTED, shifted)
-        write_room(room, MOVED, moved)
+        store_three_like(room, SHIFTED, ROWS, shifted)
+        store_three_like(room, MOVED, ROWS, moved)
     force = force_with_pulls(model, masses, place, force)
     write_orbits(planets, kicked(orbits_of(like, planets), added(change, kick, force)))
-    write_room(room, PLACE, place)
-    write_room(room, FORCE, force)
+    store_three_like(room, PLACE, ROWS, place)
+    store_three_like(room, FORCE, ROWS, force)
     move_centre(planets, h)
 
 
 @kernel
-def step_in_stages(registers, planets, room, count, stages):
+def step_in_pairs(registers, planets, room, count, stages):
     """Take a step of kicks and Kepler motions in turn.
 
     registers : see `orbits.kernels.maps.layout.registers_of`; count : the number of planets
@@ -235,7 +220,7 @@ def _step_in_registers(like, planets, room, stages):
     orbits, masses = orbits_of(like, planets), masses_of(like, room)
     for i in range(stages.shape[0] // 2):
         kick, h = stages[2 * i, LENGTH], stages[2 * i + 1, LENGTH]
-        force, _, _ = interaction(orbits.x, orbits.y, orbits.z, masses)
+        force, _, _ = interaction(orbits.place, masses)
         orbits, change = kicked_and_drifted(orbits, masses.attracting, h, kick, force)
         orbits = kicked(orbits, change)
         move_centre(planets, h)

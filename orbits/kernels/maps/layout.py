@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from orbits.kernels.binding import kernel_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import WIDTH, full, joined, load, load_like, pair, store, store_like
+from orbits.kernels.lanes import WIDTH, full, joined, load, load_like, pair, store
 
 STATE_ROWS, ROWS = 12, 41
 """Rows of a register in `planets` and in `room`."""
@@ -141,31 +141,3 @@ def masses_of(like, room):
         load_like(like, room, REST, ROWS),
         room[CENTRAL, 0] / room[INNER, 0],
     )
-
-
-@kernel(inline=True)
-def of_room(like, room, row):
-    """Return three rows of `room`."""
-    return load_like(like, room, row, ROWS), load_like(like, room, row + 1, ROWS), load_like(like, room, row + 2, ROWS)
-
-
-@kernel(inline=True)
-def write_room(room, row, values):
-    """Write three rows of `room`."""
-    store_like(room, row, ROWS, values[0])
-    store_like(room, row + 1, ROWS, values[1])
-    store_like(room, row + 2, ROWS, values[2])
-
-
-@kernel(inline=True)
-def load_three(rows, first):
-    """Return three rows."""
-    return load(rows, first), load(rows, first + 1), load(rows, first + 2)
-
-
-@kernel(inline=True)
-def store_three(rows, first, values):
-    """Write three rows."""
-    store(rows, first, values[0])
-    store(rows, first + 1, values[1])
-    store(rows, first + 2, values[2])

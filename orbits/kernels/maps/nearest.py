@@ -108,7 +108,7 @@ def begin_nearest(like, planets, room, h, angle):
             both = planets[numbers, i] >= 0.0 and planets[numbers, k] >= 0.0
             room[NEAREST + places - 1, i] = apart * apart if both else 0.0
     now = orbits_of(like, planets)
-    note_nearest(room, interaction(now.x, now.y, now.z, masses_of(like, room))[2])
+    note_nearest(room, interaction(now.place, masses_of(like, room))[2])
 
 
 @kernel(inline=True)
@@ -119,20 +119,19 @@ def _hill(mass, central):
 @verb
 def note_nearest(room, pairs):
     """Take note of the distances at a kick; pairs : of `interaction`."""
-    return _note_two if pairs.types[1].types[0] == pair else _note_one
+    return _note_two if pairs.types[1].types[1] == pair else _note_one
 
 
 def _note_one(room, pairs):
-    among, inwards, _ = pairs
-    closest = maximum(_ratio_within(room, among), inwards.squared * load(room, CENTRE))
+    closest = maximum(_ratio_within(room, pairs.among), pairs.inwards.squared * load(room, CENTRE))
     store(room, CLOSEST, maximum(closest, load(room, CLOSEST)))
 
 
 def _note_two(room, pairs):
-    among, inwards, _ = pairs
-    x, y, z, reach = inwards.x, inwards.y, inwards.z, load_like(inwards.x, room, REACH, ROWS)
-    closest = maximum(joined(_ratio_within(room, among), full(0.0)), load_like(x, room, CLOSEST, ROWS))
-    closest = maximum(closest, inwards.squared * load_like(x, room, CENTRE, ROWS))
+    (x, y, z), near = pairs.inwards.apart, pairs.inwards.squared
+    reach = load_like(x, room, REACH, ROWS)
+    closest = maximum(joined(_ratio_within(room, pairs.among), full(0.0)), load_like(x, room, CLOSEST, ROWS))
+    closest = maximum(closest, near * load_like(x, room, CENTRE, ROWS))
     (_, X), (_, Y), (_, Z), (_, other) = halves(x), halves(y), halves(z), halves(reach)
     here = unit(0)
     while first_lane(other > 0.0) < 1:  # planets fill a register from its first lane on

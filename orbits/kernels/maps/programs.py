@@ -1,9 +1,9 @@
 """Programs: the steps and correctors of Wisdom–Holman maps as sequences of stages, rows (kind, length).
 
-A stage is implemented once for planets and for the massless particles among them (`orbits.kernels.maps.stages`), and
-once for tangent vectors (`orbits.kernels.tangents.through_maps`). The coefficients of a method on Kepler orbits are the
-rows of `HEADER`, of the program that leads from the states that are seen to those that are marched, and of that of a
-step.
+A stage is implemented once for planets (`orbits.kernels.maps.stages`), once for the massless particles among them
+(`orbits.kernels.maps.entering`), and once for tangent vectors (`orbits.kernels.tangents.through_maps`). The
+coefficients of a method on Kepler orbits are the rows of `HEADER`, of the program that leads from the states that are
+seen to those that are marched, and of that of a step.
 """
 
 from __future__ import annotations
@@ -32,6 +32,13 @@ def programs_of(coefficients):
     """Return the program that leads from what is seen to what is marched, and that of a step."""
     first = HEADER + int(coefficients[0, ENTRY])
     return coefficients[HEADER:first], coefficients[first:]
+
+
+@kernel(inline=True)
+def stage_of(entry, i, leaving):
+    """Return the kind and the length of stage i; leaving : whether the stages are taken backwards."""
+    row, sign = (entry.shape[0] - 1 - i, -1.0) if leaving else (i, 1.0)
+    return int(entry[row, KIND]), sign * entry[row, LENGTH]
 
 
 @kernel

@@ -21,9 +21,10 @@ Source: Hairer, Lubich & Wanner (2006), sec. II.1.4, VI.4 (midpoint rule); Saha 
 
 from __future__ import annotations
 
+from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import any_lane, full, lane, load, select, store, sums_after, sums_before, total
+from orbits.kernels.lanes import any_lane, full, lane, load, store
 from orbits.kernels.maps.layout import (
     FORCE,
     MASS,
@@ -35,17 +36,26 @@ from orbits.kernels.maps.layout import (
     STATE_ROWS,
     constant,
     coordinate,
-    load_three,
     masses_of,
-    store_three,
 )
-from orbits.kernels.maps.orbits import displaced, kicked, orbits_of, place_of, times, velocity_of, write_orbits
+from orbits.kernels.maps.orbits import displaced, kicked, orbits_of, write_orbits
 from orbits.kernels.maps.terms_by_kind import (
     depends_on_positions,
     depends_on_velocities,
     derivatives_at,
     pulls_at,
     terms_of,
+)
+from orbits.kernels.maps.threes import (
+    added,
+    chosen,
+    inside_of,
+    load_three,
+    minus,
+    outside_of,
+    store_three,
+    times,
+    totals,
 )
 
 WEAK = 1e-13
@@ -56,52 +66,13 @@ QUICK, MORE = 2, 5
 
 
 @kernel(inline=True)
-def _relative(share, r):
-    """Return what r' of the planets of a register are relative to the dominant body, but for the registers inside."""
-    return (
-        r[0] + sums_before(share * r[0]),
-        r[1] + sums_before(share * r[1]),
-        r[2] + sums_before(share * r[2]),
-    )
-
-
-@kernel(inline=True)
-def _totals(weight, a):
-    """Return the sums of three numbers over the planets of a register."""
-    return total(weight * a[0]), total(weight * a[1]), total(weight * a[2])
-
-
-@kernel(inline=True)
-def _plus(a, b):
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@kernel(inline=True)
-def _minus(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@kernel(inline=True)
-def _ahead(a, h, b):
-    """Return a + h b."""
-    return a[0] + h * b[0], a[1] + h * b[1], a[2] + h * b[2]
-
-
-@kernel(inline=True)
 def _in_jacobi(masses, sign, own, beyond):
     """Return derivatives by Jacobi's coordinates, divided by the reduced masses; beyond : the sums of m times them over
     the registers further out
     """
-    return (
-        sign * _component(masses, own[0], beyond[0]),
-        sign * _component(masses, own[1], beyond[1]),
-        sign * _component(masses, own[2], beyond[2]),
-    )
+    further = plus(outside_of(times(masses.mass, own)), beyond)
+    return times(sign, plus(times(masses.outer, own), times(masses.inner, further)))
 
-
-@kernel(inline=True)
-def _component(masses, own, beyond):
-    return masses.outer * own + masses.inner * (sums_after(masses.mass * own) + beyond)
 
 NOTHING = 0.0, 0.0, 0.0
 
@@ -115,7 +86,8 @@ def _settled(terms, masses, orbits, half, sweeps):
     places, need sums over the planets inside or further out.
     """
     mass = masses.mass
-    U, W = _relative(masses.share, place_of(orbits)), _relative(masses.share, velocity_of(orbits))
+    U = plus(orbits.place, inside_of(masses.share, orbits.place))
+    W = plus(orbits.velocity, inside_of(masses.share, orbits.velocity))
     g, s = derivatives_at(terms, mass, U, W)
     part = mass * lane(masses.inner, 0)
     for _ in range(sweeps):
@@ -129,8 +101,8 @@ def _settled(terms, masses, orbits, half, sweeps):
 @kernel(inline=True)
 def _again(terms, mass, part, U, W, g, s, half):
     """Return the derivatives at the midpoint to which earlier ones lead; part : m_i / m_0"""
-    g, p = _plus(g, _totals(part, g)), _plus(s, _totals(part, s))
-    place = _ahead(U, -half, p)
+    g, p = plus(g, totals(times(part, g))), plus(s, totals(times(part, s)))
+    place = added(U, -half, p)
     speed = W[0] + (half * g[0] - p[0]), W[1] + (half * g[1] - p[1]), W[2] + (half * g[2] - p[2])
     return derivatives_at(terms, mass, place, speed)
 
@@ -158,7 +130,7 @@ def _evaluate(terms, planets, room, half, known):
     for register in range(registers):
         first, other = STATE_ROWS * register, ROWS * register
         rate, change = load_three(room, other + RATE), load_three(room, other + RATE + 3)
-        r = _ahead(load_three(planets, first), half, rate)
+        r = added(load_three(planets, first), full(half), rate)
         u, v, w = load_three(planets, first + 3)
         v = (
             u + (half * change[0] + known * rate[0]),
@@ -166,9 +138,10 @@ def _evaluate(terms, planets, room, half, known):
             w + (half * change[2] + known * rate[2]),
         )
         share, mass = load(room, other + SHARE), load(room, other + MASS)
-        place, speed = _plus(inside, _relative(share, r)), _plus(slower, _relative(share, v))
+        place = plus(inside, plus(r, inside_of(share, r)))
+        speed = plus(slower, plus(v, inside_of(share, v)))
         g, s = derivatives_at(terms, mass, place, speed)
-        inside, slower = _plus(inside, _totals(share, r)), _plus(slower, _totals(share, v))
+        inside, slower = plus(inside, totals(times(share, r))), plus(slower, totals(times(share, v)))
         store_three(room, other + OWN, g)
         store_three(room, other + OWN + 3, s)
     beyond, further = NOTHING, NOTHING
@@ -178,7 +151,8 @@ def _evaluate(terms, planets, room, half, known):
         s = load_three(room, other + OWN + 3)
         store_three(room, other + RATE, _in_jacobi(masses, -1.0, s, further))
         store_three(room, other + RATE + 3, _in_jacobi(masses, 1.0, g, beyond))
-        beyond, further = _plus(beyond, _totals(masses.mass, g)), _plus(further, _totals(masses.mass, s))
+        beyond = plus(beyond, totals(times(masses.mass, g)))
+        further = plus(further, totals(times(masses.mass, s)))
 
 
 @kernel(inline=True)
@@ -298,7 +272,7 @@ def force_with_pulls(model, masses, place, force):
     """Return the interaction of planets in registers with the accelerations by terms of positions alone, at u."""
     if not depends_on_positions(model):
         return lambda model, masses, place, force: force
-    return lambda model, masses, place, force: _plus(
+    return lambda model, masses, place, force: plus(
         force, _in_jacobi(masses, 1.0, pulls_at(terms_of(model), masses.mass, place), NOTHING)
     )
 
@@ -311,9 +285,9 @@ def _kick(terms, planets, room):
         other = ROWS * (registers - 1 - k)
         masses = masses_of(full(0.0), room[other:])
         pull = pulls_at(terms, masses.mass, load_three(room, other + PLACE))
-        force = _plus(load_three(room, other + FORCE), _in_jacobi(masses, 1.0, pull, beyond))
+        force = plus(load_three(room, other + FORCE), _in_jacobi(masses, 1.0, pull, beyond))
         store_three(room, other + FORCE, force)
-        beyond = _plus(beyond, _totals(masses.mass, pull))
+        beyond = plus(beyond, totals(times(masses.mass, pull)))
 
 
 @verb
@@ -329,7 +303,7 @@ def pull_more(model, u, g):
     """Return g of particles at u with the accelerations by terms of positions alone."""
     if not depends_on_positions(model):
         return lambda model, u, g: g
-    return lambda model, u, g: _plus(g, pulls_at(terms_of(model), u[0] * 0.0, u))
+    return lambda model, u, g: plus(g, pulls_at(terms_of(model), u[0] * 0.0, u))
 
 
 @kernel(inline=True)
@@ -350,19 +324,14 @@ def particle_rates(model, central, u, w, half, known):
             better, faster = s, g
             for _ in range(MORE):
                 better, faster = _once(terms, central, u, w, half, better, faster)
-            s, g = _chosen(strong, better, s), _chosen(strong, faster, g)
+            s, g = chosen(strong, better, s), chosen(strong, faster, g)
     return s, g
-
-
-@kernel(inline=True)
-def _chosen(condition, a, b):
-    return select(condition, a[0], b[0]), select(condition, a[1], b[1]), select(condition, a[2], b[2])
 
 
 @kernel(inline=True)
 def _once(terms, central, u, w, half, s, g):
     """Return the rates at the midpoint to which earlier ones lead, with the velocities that belong to the momenta."""
-    (x, y, z), (a, b, c) = _minus(s, central[0]), _minus(g, central[1])
+    (x, y, z), (a, b, c) = minus(s, central[0]), minus(g, central[1])
     speed = w[0] + (half * a + x), w[1] + (half * b + y), w[2] + (half * c + z)
-    g, s = derivatives_at(terms, u[0] * 0.0, _ahead(u, half, (x, y, z)), speed)
+    g, s = derivatives_at(terms, u[0] * 0.0, added(u, half, (x, y, z)), speed)
     return (-s[0], -s[1], -s[2]), g

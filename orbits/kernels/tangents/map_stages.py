@@ -15,10 +15,12 @@ from __future__ import annotations
 
 from numba import types
 
+from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import fma, full, get, inverse_powers, load, put, rsqrt_cubed, store
+from orbits.kernels.lanes import fma, full, get, load, put, store
 from orbits.kernels.lanes.dual import dual_number, duals, number, slopes
+from orbits.kernels.maps.interaction import change_of_pull, pair_of
 from orbits.kernels.maps.layout import (
     ATTRACTING,
     CENTRAL,
@@ -30,7 +32,6 @@ from orbits.kernels.maps.layout import (
     coordinate,
     dominant,
 )
-from orbits.kernels.maps.orbits import times
 from orbits.kernels.maps.programs import LAZY, MODIFIED
 from orbits.kernels.maps.terms_by_kind import (
     depends_on_positions,
@@ -40,7 +41,7 @@ from orbits.kernels.maps.terms_by_kind import (
     terms_of,
 )
 from orbits.kernels.maps.terms_of_dominant import MORE, QUICK, WEAK
-from orbits.kernels.sums.summation import accumulate
+from orbits.kernels.maps.threes import accumulated, added, load_three, minus, store_three, times
 
 PLACE, SPEED, FROM_SUN, SPEED_FROM_SUN, PULL, PUSH, RATE, CHANGE = range(8)
 """What stands in `VectorRoom.numbers`, (8, 3n, 16): places and velocities in Jacobi coordinates, both relative to the
@@ -48,25 +49,19 @@ dominant body, accelerations and derivatives by velocities there, and those in J
 
 
 @kernel(inline=True)
-def add_three(hi, lo, a, x, y, z):
+def add_three(hi, lo, a, change):
     """Add a vector to rows a ... a + 2 in doubled precision."""
-    b, b_lo = accumulate(load(hi, a), load(lo, a), x)
-    c, c_lo = accumulate(load(hi, a + 1), load(lo, a + 1), y)
-    d, d_lo = accumulate(load(hi, a + 2), load(lo, a + 2), z)
-    store(hi, a, b)
-    store(hi, a + 1, c)
-    store(hi, a + 2, d)
-    store(lo, a, b_lo)
-    store(lo, a + 1, c_lo)
-    store(lo, a + 2, d_lo)
+    total, rest = accumulated(load_three(hi, a), load_three(lo, a), change)
+    store_three(hi, a, total)
+    store_three(lo, a, rest)
 
 
 @kernel(inline=True)
 def add_slopes(hi, lo, size, numbers):
     """Add `size` times the derivatives of dual numbers to eight vectors."""
     for a in range(0, numbers.shape[0], 3):
-        x, y, z = slopes(get(numbers, a)), slopes(get(numbers, a + 1)), slopes(get(numbers, a + 2))
-        add_three(hi, lo, a, size * x, size * y, size * z)
+        x, y, z = load_three(numbers, a)
+        add_three(hi, lo, a, times(size, (slopes(x), slopes(y), slopes(z))))
 
 
 @kernel
@@ -103,54 +98,19 @@ def _in_jacobi(scratch, sign, f, out):
 @verb
 def _at(u, a):
     """Return three numbers; None of None."""
-    if isinstance(u, types.NoneType):
-        return lambda u, a: None
-    return lambda u, a: (get(u, a), get(u, a + 1), get(u, a + 2))
-
-
-@verb
-def _less(b, a):
-    """Return the difference of three numbers each; None of None."""
-    if isinstance(a, types.NoneType):
-        return lambda b, a: None
-    return lambda b, a: (b[0] - a[0], b[1] - a[1], b[2] - a[2])
+    return (lambda u, a: None) if u == types.none else load_three
 
 
 @verb
 def _pull(d, e):
     """Return d / |d|^3, or its change along e, if that is not None."""
-    return _pull_at if isinstance(e, types.NoneType) else _change_along
+    return _pull_at if e == types.none else lambda d, e: change_of_pull(pair_of(d), e)
 
 
 @kernel(inline=True)
 def _pull_at(d, e):
-    cubed = rsqrt_cubed(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
-    return times(cubed, d)
-
-
-@kernel(inline=True)
-def _change_along(d, e):
-    cubed, squared = inverse_powers(fma(d[0], d[0], fma(d[1], d[1], d[2] * d[2])))
-    along = -3.0 * fma(d[0], e[0], fma(d[1], e[1], d[2] * e[2])) * squared
-    return cubed * fma(along, d[0], e[0]), cubed * fma(along, d[1], e[1]), cubed * fma(along, d[2], e[2])
-
-
-@kernel(inline=True)
-def _write(f, a, values):
-    put(f, a, values[0])
-    put(f, a + 1, values[1])
-    put(f, a + 2, values[2])
-
-
-@kernel(inline=True)
-def _with(own, mass, pull):
-    """Return three numbers with `mass` times three others."""
-    return fma(mass, pull[0], own[0]), fma(mass, pull[1], own[1]), fma(mass, pull[2], own[2])
-
-
-@kernel(inline=True)
-def _add(f, a, mass, pull):
-    _write(f, a, _with(_at(f, a), mass, pull))
+    of = pair_of(d)
+    return times(of.cubed, d)
 
 
 @kernel
@@ -160,10 +120,10 @@ def _attract(mass, u, e, f):
         here, moved, none = _at(u, 3 * i), _at(e, 3 * i), 0.0 * get(u, 3 * i)
         own = none, none, none
         for j in range(i):
-            pull = _pull(_less(_at(u, 3 * j), here), _less(_at(e, 3 * j), moved))
-            own = _with(own, mass[j], pull)
-            _add(f, 3 * j, -mass[i], pull)
-        _write(f, 3 * i, own)
+            pull = _pull(minus(_at(u, 3 * j), here), minus(_at(e, 3 * j), moved))
+            own = added(own, mass[j], pull)
+            store_three(f, 3 * j, added(load_three(f, 3 * j), -mass[i], pull))
+        store_three(f, 3 * i, own)
 
 
 @verb
@@ -176,7 +136,7 @@ def _add_pulls(model, mass, u, f):
 def _add_each_pull(model, mass, u, f):
     for i in range(mass.shape[0]):
         a = 3 * i
-        _add(f, a, 1.0, pulls_at(terms_of(model), mass[i], _at(u, a)))
+        store_three(f, a, plus(load_three(f, a), pulls_at(terms_of(model), mass[i], load_three(u, a))))
 
 
 @verb
@@ -208,15 +168,15 @@ def _interact(model, room, r, e, with_terms, out):
     beyond = none, none, none
     for back in range(mass.shape[0]):
         i = mass.shape[0] - 1 - back
-        a, own = 3 * i, _at(f, 3 * i)
-        whole = _with(times(constant(scratch, INNER, i), beyond), constant(scratch, OUTER, i), own)
+        a, own = 3 * i, load_three(f, 3 * i)
+        whole = added(times(constant(scratch, INNER, i), beyond), constant(scratch, OUTER, i), own)
         if i > 0:  # of the first planet, the Kepler motion has all of the pull
             near, kepler = _pull(_at(u, a), _at(change, a)), _pull(_at(r, a), _at(e, a))
             attracting = constant(scratch, ATTRACTING, i)
             share = -constant(scratch, CENTRAL, i)
-            whole = _with(whole, attracting, _with(kepler, share, near))
-            beyond = _with(_with(beyond, mass[i], own), -mass[i] * central, near)
-        _write(out, a, whole)
+            whole = added(whole, attracting, added(kepler, share, near))
+            beyond = added(added(beyond, mass[i], own), -mass[i] * central, near)
+        store_three(out, a, whole)
 
 
 @kernel
@@ -255,13 +215,11 @@ def kick_heliocentric_vectors(strength, h, vectors, room):
     central = strength[1 + dominant(room.planets)]
     _read(room.planets, 0, vectors[0], r)
     _attract(mass, r, None, f)
-    x, y, z = full(0.0), full(0.0), full(0.0)
+    jump = full(0.0), full(0.0), full(0.0)
     for i in range(mass.shape[0]):
-        a, share = 3 * i, full(h * (mass[i] / central))
-        x, y = fma(share, load(vectors[2], a), x), fma(share, load(vectors[2], a + 1), y)
-        z = fma(share, load(vectors[2], a + 2), z)
+        jump = added(jump, h * (mass[i] / central), load_three(vectors[2], 3 * i))
     for a in range(0, r.shape[0], 3):
-        add_three(vectors[0], vectors[1], a, x, y, z)
+        add_three(vectors[0], vectors[1], a, jump)
     add_slopes(vectors[2], vectors[3], h, f)
 
 
@@ -292,9 +250,9 @@ def _settle(model, half, known, vectors, room):
         _relative(scratch, p, s)
         for i in range(mass.shape[0]):
             a = 3 * i
-            pull, push = derivatives_at(terms, mass[i], _at(u, a), _at(s, a))
-            _write(f, a, pull)
-            _write(p, a, push)
+            pull, push = derivatives_at(terms, mass[i], load_three(u, a), load_three(s, a))
+            store_three(f, a, pull)
+            store_three(p, a, push)
         _in_jacobi(scratch, -1.0, p, rate)
         _in_jacobi(scratch, 1.0, f, change)
 

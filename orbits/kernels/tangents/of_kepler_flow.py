@@ -18,9 +18,11 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
+from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.kepler.flow import anomaly_functions
 from orbits.kernels.lanes import any_lane, fma, maximum, minimum, select, sqrt
+from orbits.kernels.maps.threes import added, dot, times
 
 FOURTH = tuple(1.0 / math.factorial(2 * k + 4) for k in range(10, -1, -1))
 FIFTH = tuple(1.0 / math.factorial(2 * k + 5) for k in range(10, -1, -1))
@@ -78,20 +80,17 @@ def flow_of(place, velocity, gm, dt, moved, change):
 
     gm : 0 where nothing attracts; the motion is then straight
     """
-    (x, y, z), (vx, vy, vz), (dx, dy, dz), (dvx, dvy, dvz) = place, velocity, moved, change
     there = gm > 0.0
     gm = select(there, gm, 1.0)
-    r0 = sqrt(fma(x, x, fma(y, y, z * z)))
+    r0 = sqrt(dot(place, place))
     near = 1.0 / r0
-    eta, v2 = fma(x, vx, fma(y, vy, z * vz)), fma(vx, vx, fma(vy, vy, vz * vz))
+    eta, v2 = dot(place, velocity), dot(velocity, velocity)
     beta = fma(2.0 * gm, near, -v2)
     zeta = fma(-beta, r0, gm)
-    turned = fma(x, dvx, fma(y, dvy, z * dvz)) + (
-        fma(dx, vx, fma(dy, vy, dz * vz)) + fma(dx, dvx, fma(dy, dvy, dz * dvz))
-    )
+    turned = dot(place, change) + (dot(moved, velocity) + dot(moved, change))
     s = fma(beta, dt, turned) / gm
-    ex, ey, ez = x + dx, y + dy, z + dz
-    r1 = sqrt(fma(ex, ex, fma(ey, ey, ez * ez)))
+    end = plus(place, moved)
+    r1 = sqrt(dot(end, end))
     far = 1.0 / r1
     fast = (-beta * r0 > FAST * gm) * (eta * (eta + turned) > 0.0)
     if any_lane(fast):  # the sum for s cancels; but the distance is between those at both ends, and so is ds/dt
@@ -148,24 +147,16 @@ def _where(there, zero, four, straight):
 
 
 @kernel(inline=True)
-def flow_change(flow, x, y, z, vx, vy, vz):
-    """Return the change of a difference (x ... vz) of the start in a step: six numbers, to be added to it.
+def flow_change(flow, place, velocity):
+    """Return the changes of a difference of the start in a step, of place and of velocity, to be added to it.
 
     flow : of `flow_of`, in float64 or `Lanes`; the difference may be `Lanes` of one step, or of eight
     """
-    (qx, qy, qz), (ux, uy, uz) = flow.place, flow.velocity
-    A = fma(qx, x, fma(qy, y, qz * z))
-    B = fma(qx, vx, fma(qy, vy, qz * vz)) + fma(ux, x, fma(uy, y, uz * z))
-    C = fma(ux, vx, fma(uy, vy, uz * vz))
+    q, u = flow.place, flow.velocity
+    A, B, C = dot(q, place), dot(q, velocity) + dot(u, place), dot(u, velocity)
     f, g, e, h = _along(flow.f, A, B, C), _along(flow.g, A, B, C), _along(flow.df, A, B, C), _along(flow.dg, A, B, C)
-    return (
-        fma(flow.f[0], x, flow.g[0] * vx) + fma(f, qx, g * ux),
-        fma(flow.f[0], y, flow.g[0] * vy) + fma(f, qy, g * uy),
-        fma(flow.f[0], z, flow.g[0] * vz) + fma(f, qz, g * uz),
-        fma(flow.df[0], x, flow.dg[0] * vx) + fma(e, qx, h * ux),
-        fma(flow.df[0], y, flow.dg[0] * vy) + fma(e, qy, h * uy),
-        fma(flow.df[0], z, flow.dg[0] * vz) + fma(e, qz, h * uz),
-    )
+    way = plus(added(times(flow.g[0], velocity), flow.f[0], place), added(times(g, u), f, q))
+    return way, plus(added(times(flow.dg[0], velocity), flow.df[0], place), added(times(h, u), e, q))
 
 
 @kernel(inline=True)

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import (
     WIDTH,
@@ -31,6 +32,7 @@ from orbits.kernels.lanes import (
     unit,
 )
 from orbits.kernels.maps.jacobi_particles import (
+    central,
     drifted_particles,
     interaction,
     kicked_particles,
@@ -40,8 +42,9 @@ from orbits.kernels.maps.jacobi_particles import (
     with_interaction,
 )
 from orbits.kernels.maps.jacobi_tables import of_places, table_rows
-from orbits.kernels.maps.orbits import place_of, times
+from orbits.kernels.maps.orbits import change_of_place
 from orbits.kernels.maps.programs import KICK, LAZY, MODIFIED, SHIFT, WHOLE
+from orbits.kernels.maps.threes import added, dot, load_three, minus, store_three, times
 from orbits.kernels.search.context import flat
 from orbits.kernels.search.encounters_of_particles import HILL2, Seen, falls, meets
 from orbits.kernels.steps import Model
@@ -99,62 +102,53 @@ def follow_particles(tag, strength, coefficients, h, begun, steps, storage, fans
         marched = take_particles(storage.carry, p, there, rows)
         marched = with_interaction(model, stages[0], 0, shift, lazy, marched, rows)
         matrix = kick_matrix(stages[0], 0, count, kick, shift, marched, rows)
-        seen = _seen(stages[0], 0, marched, rows)
+        seen = _seen(stages[0], count, marched, rows)
         for k in range(steps):
             table, before = stages[k], marched
-            marched, (ax, ay, az) = drifted_particles(before, whole, half)
-            (kx, ky, kz), begun_at, now_at = times(half, before.g), before.orbits, marched.orbits
+            marched, change = drifted_particles(before, whole, half, None)
+            push = times(half, before.g)
             flow = flow_of(
-                place_of(begun_at),
-                (begun_at.vx + kx, begun_at.vy + ky, begun_at.vz + kz),
+                before.orbits.place,
+                plus(before.orbits.velocity, push),
                 before.gm,
                 full(h),
-                (
-                    (now_at.x - begun_at.x) + (now_at.x_lo - begun_at.x_lo),
-                    (now_at.y - begun_at.y) + (now_at.y_lo - begun_at.y_lo),
-                    (now_at.z - begun_at.z) + (now_at.z_lo - begun_at.z_lo),
-                ),
-                (ax - kx, ay - ky, az - kz),
+                change_of_place(before.orbits, marched.orbits),
+                minus(change, push),
             )
             g = interaction(model, table, after, shift, lazy, marched, rows)
-            marched = kicked_particles(marched, (ax, ay, az), half, g)
+            marched = kicked_particles(marched, change, half, g)
             last = matrix
             matrix = kick_matrix(table, after, count, kick, shift, marched, rows)
             now = abs(h * begun) + k * abs(h)
             for w in range(fans.vectors.shape[1]):
                 _advance(flow, last, matrix, half, fans.vectors[group, w])
                 _measure(now, abs(h), fans.scale, fans.vectors[group, w], fans.growth[group, w])
-            old, seen = seen, _seen(table, after, marched, rows)
+            old, seen = seen, _seen(table, after + count, marched, rows)
             _note(rules, 1.0 * (begun + k), k, old, seen, found[group])
         store_marched(storage.carry, p, marched, rows)
 
 
 @kernel(inline=True)
-def _seen(table, first, marched, rows):
+def _seen(table, places, marched, rows):
     """Return particles as observers see them."""
-    x, y, z, _, _, _, vx, vy, vz, _, _, _ = seen_at(table, first, marched, rows)
+    x, y, z, _, _, _, vx, vy, vz, _, _, _ = seen_at(table, places, marched, rows)
     return Seen(x, y, z, vx, vy, vz)
 
 
 @kernel(inline=True)
 def _advance(flow, last, matrix, half, vector):
     """Take a step of a vector of each of eight particles: half a kick, a Kepler motion, half a kick."""
-    x, y, z = load(vector, 0), load(vector, 1), load(vector, 2)
-    kx, ky, kz = _times(last, x, y, z)
-    vx, vy, vz = fma(half, kx, load(vector, 3)), fma(half, ky, load(vector, 4)), fma(half, kz, load(vector, 5))
-    dx, dy, dz, dvx, dvy, dvz = flow_change(flow, x, y, z, vx, vy, vz)
-    x, y, z = x + dx, y + dy, z + dz
-    kx, ky, kz = _times(matrix, x, y, z)
-    store(vector, 0, x)
-    store(vector, 1, y)
-    store(vector, 2, z)
-    store(vector, 3, fma(half, kx, vx + dvx))
-    store(vector, 4, fma(half, ky, vy + dvy))
-    store(vector, 5, fma(half, kz, vz + dvz))
+    place = load_three(vector, 0)
+    velocity = added(load_three(vector, 3), half, _times(last, place))
+    way, change = flow_change(flow, place, velocity)
+    place = plus(place, way)
+    store_three(vector, 0, place)
+    store_three(vector, 3, added(plus(velocity, change), half, _times(matrix, place)))
 
 
 @kernel(inline=True)
-def _times(matrix, x, y, z):
+def _times(matrix, a):
+    x, y, z = a
     return (
         fma(matrix.xx, x, fma(matrix.xy, y, matrix.xz * z)),
         fma(matrix.yx, x, fma(matrix.yy, y, matrix.yz * z)),
@@ -165,9 +159,8 @@ def _times(matrix, x, y, z):
 @kernel(inline=True)
 def _measure(t, h, scale, vector, growth):
     """Add a step of h from t to the growth of a vector of each of eight particles."""
-    x, y, z = load(vector, 0), load(vector, 1), load(vector, 2)
-    vx, vy, vz = scale * load(vector, 3), scale * load(vector, 4), scale * load(vector, 5)
-    now = fma(x, x, fma(y, y, fma(z, z, fma(vx, vx, fma(vy, vy, vz * vz)))))
+    (x, y, z), velocity = load_three(vector, 0), times(scale, load_three(vector, 3))
+    now = fma(x, x, fma(y, y, fma(z, z, dot(velocity, velocity))))
     factor = add_growth(t, h, now, growth)
     if any_lane(factor < 1.0):
         for row in range(6):
@@ -175,21 +168,20 @@ def _measure(t, h, scale, vector, growth):
 
 
 @kernel(inline=True)
-def _pull(x, y, z):
-    """Return r^-3 and r^-2."""
-    r2 = fma(x, x, fma(y, y, z * z))
+def _powers(d):
+    """Return |d|^-3 and |d|^-2."""
+    r2 = dot(d, d)
     cubed = rsqrt_cubed(r2)
     near = cubed * r2
     return cubed, near * near
 
 
 @kernel(inline=True)
-def _with_pull(T, w, x, y, z):
-    """Return a matrix with w times the derivative of (x, y, z) / r^3."""
-    cubed, squared = _pull(x, y, z)
+def _with_pull(T, w, d):
+    """Return a matrix with w times the derivative of d / |d|^3."""
+    (x, y, z), (cubed, squared) = d, _powers(d)
     w = w * cubed
-    f = -3.0 * w * squared
-    fx, fy, fz = f * x, f * y, f * z
+    fx, fy, fz = times(-3.0 * w * squared, d)
     return (
         fma(fx, x, T[0] + w), fma(fx, y, T[1]), fma(fx, z, T[2]),
         fma(fy, y, T[3] + w), fma(fy, z, T[4]), fma(fz, z, T[5] + w),
@@ -197,13 +189,12 @@ def _with_pull(T, w, x, y, z):
 
 
 @kernel(inline=True)
-def _with_bend(T, w, x, y, z, ex, ey, ez):
-    """Return a matrix with w times the change of the derivative of (x, y, z) / r^3 along (ex, ey, ez)."""
-    cubed, squared = _pull(x, y, z)
+def _with_bend(T, w, d, e):
+    """Return a matrix with w times the change of the derivative of d / |d|^3 along e."""
+    (x, y, z), (cubed, squared), along = d, _powers(d), dot(d, e)
     f = -3.0 * w * cubed * squared
-    along = fma(x, ex, fma(y, ey, z * ez))
     b = -2.5 * along * squared  # half of the coefficient of x x
-    ax, ay, az, own = f * fma(b, x, ex), f * fma(b, y, ey), f * fma(b, z, ez), f * along
+    (ax, ay, az), own = times(f, added(e, b, d)), f * along
     return (
         T[0] + fma(2.0 * ax, x, own), T[1] + fma(ax, y, ay * x), T[2] + fma(ax, z, az * x),
         T[3] + fma(2.0 * ay, y, own), T[4] + fma(ay, z, az * y), T[5] + fma(2.0 * az, z, own),
@@ -213,56 +204,39 @@ def _with_bend(T, w, x, y, z, ex, ey, ez):
 @kernel(inline=True)
 def _derivative(line, first, count, second, place, centre, marched):
     """Return T at a place relative to R_i, six numbers, and g there; see `orbits.kernels.maps.jacobi_particles`."""
-    (x, y, z), (cx, cy, cz, bx, by, bz) = place, centre
-    ux, uy, uz = x + cx, y + cy, z + cz
-    zero = 0.0 * x
-    T = zero, zero, zero, zero, zero, zero
-    gx, gy, gz = bx, by, bz
-    planets = WIDTH * (first + 3 * (count + 1))
+    u, g, none = plus(place, centre[0]), centre[1], 0.0 * place[0]
+    T = none, none, none, none, none, none
     for j in range(count):
-        row = planets + WIDTH * j
-        at = row + 3 * second
-        dx, dy, dz, mass = get(line, at) - ux, get(line, at + 1) - uy, get(line, at + 2) - uz, get(line, row + 6)
-        T = _with_pull(T, full(-mass), dx, dy, dz)
-        w = mass * _pull(dx, dy, dz)[0]
-        gx, gy, gz = fma(w, dx, gx), fma(w, dy, gy), fma(w, dz, gz)
-    central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
-    T = _with_pull(T, marched.gm, x, y, z)
-    T = _with_pull(T, -central, ux, uy, uz)
-    kepler, pull = marched.gm * _pull(x, y, z)[0], central * _pull(ux, uy, uz)[0]
-    gx, gy, gz = gx + (kepler * x - pull * ux), gy + (kepler * y - pull * uy), gz + (kepler * z - pull * uz)
-    return T, (gx, gy, gz)
+        row = WIDTH * (first + j)
+        d, mass = minus(load_three(line, row + 3 * second), u), get(line, row + 6)
+        T = _with_pull(T, full(-mass), d)
+        g = added(g, mass * _powers(d)[0], d)
+    pull = central(line, first + count, marched)
+    T = _with_pull(_with_pull(T, marched.gm, place), -pull, u)
+    kepler, near = times(marched.gm * _powers(place)[0], place), times(pull * _powers(u)[0], u)
+    return T, plus(g, minus(kepler, near))
 
 
 @kernel
 def kick_matrix(table, first, count, kick, shift, marched, rows):
     """Return the derivative of the kick of eight particles, by a table of the planets."""
-    line = flat(table)
-    (x, y, z), number, common = place_of(marched.orbits), marched.number, marched.common
-    centre = of_places(line, first, 0, number, common, rows)
-    T, g = _derivative(line, first, count, 0, (x, y, z), centre, marched)
+    line, places = flat(table), first + count
+    place, number, common = marched.orbits.place, marched.number, marched.common
+    centre = of_places(line, places, 0, number, common, rows)
+    T, g = _derivative(line, first, count, 0, place, centre, marched)
     if kick == LAZY:
-        moved = of_places(line, first, 1, number, common, rows)
-        place = fma(shift, g[0], x), fma(shift, g[1], y), fma(shift, g[2], z)
-        U, _ = _derivative(line, first, count, 1, place, moved, marched)
+        moved = of_places(line, places, 1, number, common, rows)
+        U, _ = _derivative(line, first, count, 1, added(place, shift, g), moved, marched)
         return _product(U, T, shift, U)
     if kick == MODIFIED:
-        moved = of_places(line, first, 1, number, common, rows)
-        sx, sy, sz = shift * g[0], shift * g[1], shift * g[2]
-        ex, ey, ez = sx + moved[0], sy + moved[1], sz + moved[2]
-        ux, uy, uz = x + centre[0], y + centre[1], z + centre[2]
-        B = T
-        planets = WIDTH * (first + 3 * (count + 1))
+        shifted, u, B = times(shift, g), plus(place, centre[0]), T
+        e = plus(shifted, of_places(line, places, 1, number, common, rows)[0])
         for j in range(count):
-            row = planets + WIDTH * j
-            B = _with_bend(
-                B, full(-get(line, row + 6)),
-                get(line, row) - ux, get(line, row + 1) - uy, get(line, row + 2) - uz,
-                get(line, row + 3) - ex, get(line, row + 4) - ey, get(line, row + 5) - ez,
-            )  # fmt: skip
-        central = select(marched.gm > 0.0, get(line, WIDTH * first + 7), 0.0)
-        B = _with_bend(B, marched.gm, x, y, z, sx, sy, sz)
-        B = _with_bend(B, -central, ux, uy, uz, ex, ey, ez)
+            row = WIDTH * (first + j)
+            d, apart = minus(load_three(line, row), u), minus(load_three(line, row + 3), e)
+            B = _with_bend(B, full(-get(line, row + 6)), d, apart)
+        B = _with_bend(B, marched.gm, place, shifted)
+        B = _with_bend(B, -central(line, places, marched), u, e)
         return _product(T, T, shift, B)
     return Matrix(T[0], T[1], T[2], T[1], T[3], T[4], T[2], T[4], T[5])
 

@@ -30,10 +30,9 @@ from orbits.kernels.maps.layout import (
     body_of,
     copy_rows,
     dominant,
-    load_three,
     registers_in,
-    store_three,
 )
+from orbits.kernels.maps.orbits import change_of_place, change_of_velocity, orbits_of
 from orbits.kernels.maps.programs import (
     DRIFT,
     FLOW,
@@ -44,10 +43,12 @@ from orbits.kernels.maps.programs import (
     SHIFT,
     STANDARD,
     programs_of,
+    stage_of,
 )
 from orbits.kernels.maps.stages import enter_coordinates, is_heliocentric, leave_coordinates, prepare, take
 from orbits.kernels.maps.terms_by_kind import strength_of
 from orbits.kernels.maps.terms_of_dominant import change_variables
+from orbits.kernels.maps.threes import load_three, store_three, times
 from orbits.kernels.steps import Method, Model, begin, step
 from orbits.kernels.sums.summation import add_product
 from orbits.kernels.tangents.map_stages import (
@@ -133,9 +134,7 @@ def enter_with_vectors(form, coefficients, tag, parameters, state, carry, vector
         _enter_coordinates(method, strength, vectors[group], room)
     change_variables_of_vectors(model, -1.0, vectors, room)
     change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, -1.0)
-    entry, _ = programs_of(coefficients)
-    for row in range(entry.shape[0]):
-        _take(method, model, int(entry[row, KIND]), entry[row, LENGTH], UNKNOWN, vectors, room)
+    _take_entry(method, model, False, vectors, room)
     copy_rows(planets, carry)
 
 
@@ -143,12 +142,10 @@ def enter_with_vectors(form, coefficients, tag, parameters, state, carry, vector
 def leave_with_vectors(form, coefficients, tag, parameters, state, carry, vectors, room):
     """Undo `enter_with_vectors`; what is marched is lost."""
     method, model, planets = Method(form, coefficients), Model(tag, parameters), room.planets
-    strength, (entry, _) = strength_of(model), programs_of(coefficients)
+    strength = strength_of(model)
     copy_rows(carry, planets)
     prepare(method, strength, planets, room.scratch)
-    for back in range(entry.shape[0]):
-        row = entry.shape[0] - 1 - back
-        _take(method, model, int(entry[row, KIND]), -entry[row, LENGTH], UNKNOWN, vectors, room)
+    _take_entry(method, model, True, vectors, room)
     change_variables_of_vectors(model, 1.0, vectors, room)
     change_variables(model, planets, room.scratch, room.scratch, NO_TABLE, 1.0)
     leave_coordinates(method, strength, planets, room.scratch, state.q, state.q_lo, state.p, state.p_lo)
@@ -215,6 +212,15 @@ def _keep_masses(method, strength, room):
 
 
 @kernel
+def _take_entry(method, model, leaving, vectors, room):
+    """Take the stages of the entry, or back."""
+    entry, _ = programs_of(method.coefficients)
+    for i in range(entry.shape[0]):
+        kind, length = stage_of(entry, i, leaving)
+        _take(method, model, kind, length, UNKNOWN, vectors, room)
+
+
+@kernel
 def _take(method, model, kind, length, known, vectors, room):
     """Take a stage, of the copy and of the vectors. Returns what is known of a kick where they are; known : before."""
     planets, scratch = room.planets, room.scratch
@@ -262,24 +268,15 @@ def write_flows(before, planets, gm, h, flows):
     """Write the `Flow` of each planet in a Kepler motion of h; before, planets : where it began and where it ended."""
     for register in range(gm.shape[0]):
         first, rows = STATE_ROWS * register, flows[register]
-        start, end = before[first:], planets[first:]
-        place, velocity = load_three(start, 0), load_three(start, 3)
-        moved, change = _differences(start, end, 0), _differences(start, end, 3)
-        flow = flow_of(place, velocity, load(gm, register), full(h), moved, change)
+        start, end = orbits_of(full(0.0), before[first:]), orbits_of(full(0.0), planets[first:])
+        way, change = change_of_place(start, end), change_of_velocity(start, end)
+        flow = flow_of(start.place, start.velocity, load(gm, register), full(h), way, change)
         store_three(rows, 0, flow.place)
         store_three(rows, 3, flow.velocity)
         _store_four(rows, 6, flow.f)
         _store_four(rows, 10, flow.g)
         _store_four(rows, 14, flow.df)
         _store_four(rows, 18, flow.dg)
-
-
-@kernel(inline=True)
-def _differences(start, end, row):
-    """Return how much three coordinates in doubled precision have changed."""
-    (x, y, z), (x_lo, y_lo, z_lo) = load_three(start, row), load_three(start, row + 6)
-    (a, b, c), (a_lo, b_lo, c_lo) = load_three(end, row), load_three(end, row + 6)
-    return (a - x) + (a_lo - x_lo), (b - y) + (b_lo - y_lo), (c - z) + (c_lo - z_lo)
 
 
 @kernel(inline=True)
@@ -307,11 +304,9 @@ def move_vectors(flows, count, h, vectors):
     q, q_lo, v, v_lo = vectors[0], vectors[1], vectors[2], vectors[3]
     for i in range(count):
         a = 3 * i
-        x, y, z = load(q, a), load(q, a + 1), load(q, a + 2)
-        vx, vy, vz = load(v, a), load(v, a + 1), load(v, a + 2)
-        dx, dy, dz, dvx, dvy, dvz = flow_change(_flow_at(flows, i), x, y, z, vx, vy, vz)
-        add_three(q, q_lo, a, dx, dy, dz)
-        add_three(v, v_lo, a, dvx, dvy, dvz)
+        way, change = flow_change(_flow_at(flows, i), load_three(q, a), load_three(v, a))
+        add_three(q, q_lo, a, way)
+        add_three(v, v_lo, a, change)
     for k in range(3):
         a = 3 * count + k
         x, x_lo = add_product(load(q, a), load(q_lo, a), full(h), load(v, a), load(v_lo, a))
@@ -323,6 +318,4 @@ def move_vectors(flows, count, h, vectors):
 def kick_vectors(count, kick, vectors, force):
     """Add `kick` times the change of the interaction to dv."""
     for i in range(count):
-        a = 3 * i
-        x, y, z = kick * load(force, a), kick * load(force, a + 1), kick * load(force, a + 2)
-        add_three(vectors[2], vectors[3], a, x, y, z)
+        add_three(vectors[2], vectors[3], 3 * i, times(kick, load_three(force, 3 * i)))
