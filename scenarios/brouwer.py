@@ -152,8 +152,9 @@ def judged(found: dict[str, list[Growth]]):
         slower = grown.exponent < law + 3.0 * grown.uncertainty
         told = f"power {grown.exponent:.2f} ± {grown.uncertainty:.2f}"
         yield Check(f"{EXACT}: the {what} errs no faster than by a random walk, power {law:g}", slower, told)
-    drifts = found[EXACT][0].consistent_with(1.0)
-    yield Check(f"{EXACT}: the energy does not drift", not drifts, f"power {found[EXACT][0].exponent:.2f}")
+    energy = found[EXACT][0]
+    told = f"power {energy.exponent:.2f} ± {energy.uncertainty:.2f}"
+    yield Check(f"{EXACT}: the energy does not drift", not energy.consistent_with(1.0), told)
     laws = zip(("energy", "phase"), (0.5, 1.5), (1.0, 2.0), found[EXACT], found[ROUNDED], found[PEER], strict=True)
     for what, law, drift, exact, rounded, peer in laws:
         told = f"power {peer.exponent:.2f} ± {peer.uncertainty:.2f}"

@@ -34,7 +34,7 @@ FIXED = {"Apophis": (0.5, 0.1), "comet": (6.0, 1.0)}
 """Constant steps to show beside those that are chosen, in days; the first is seen to fail."""
 LATER = 20.0
 """Days after the encounter from which on the errors of constant steps are judged."""
-IN_PLANE_MM = {"Apophis": 0.03, "comet": 0.1}
+IN_PLANE_MM = {"Apophis": 0.008, "comet": 0.008}
 """Bounds of the errors in the target plane: 0.0017 and 0.0015 were reached, 1e-16 of an au being 0.015."""
 
 

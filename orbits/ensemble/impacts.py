@@ -41,8 +41,9 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
     The nominal orbit, which is the first member, does not count, nor do clones that failed, or were lost elsewhere: a
     warning says how many, how many still come nearer at the end, and of how many the campaign does not tell.
     `TargetPlane.clones_needed` says how many clones an error needs. Raises InputError for a campaign of systems, one
-    that is not finished or did not look for approaches, and a radius that is no length, or larger than the distance
-    within which approaches are recorded; UnknownNameError for a planet that is not there.
+    that is not finished or did not look for approaches, and a radius that is no length, or, if the campaign keeps
+    trajectories, larger than the distance within which approaches are recorded; UnknownNameError for a planet that is
+    not there.
     """
     if not isinstance(campaign, Campaign):
         raise InputError(f"campaign is {shown(campaign)}; expected one of orbits.ensemble.run.")
@@ -57,9 +58,10 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
     if waiting:
         raise InputError(f"{waiting:,} members of the campaign are still to come; expected a finished one.")
     try:
-        most = positive_number(float(u.Quantity(radius).to_value(summary["closest"].unit)), "radius")
+        length = float(u.Quantity(radius).to_value(summary["closest"].unit))
     except (u.UnitConversionError, TypeError, ValueError) as error:
         raise InputError(f"radius is {shown(radius)}; expected a length, such as 6378.137 * u.km.") from error
+    most = positive_number(length, "radius", radius)
     near = np.asarray(summary["closest_to"])[1:] == planet
     if planet == about.get("primary") and not near.any():
         raise InputError(
@@ -73,7 +75,8 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
     counts = hit | (state == SURVIVED)
     nearer = coming | (near & _at_the_end(summary)[1:])
     _warn(planet, int((~counts).sum()), int((counts & ~hit & nearer).sum()))
-    _warn_of_untold(planet, radius, np.asarray(summary["closest_to"])[1:][counts & ~hit & untold].tolist())
+    others = np.asarray(summary["closest_to"])[1:][counts & ~hit & untold].tolist()
+    _warn_of_untold(planet, radius, others, about["identity"]["trajectories"] == "kept")
     return Chance.of(int(hit.sum()), int(counts.sum()))
 
 
@@ -95,7 +98,11 @@ def _closer_to_others(campaign: Campaign, summary: Any, planet: str, most: float
         except ArchiveError:
             found[2, members] = to[members] != ""
             continue
-        seen = seen_by(run)
+        try:
+            seen = seen_by(run)
+        except InputError:  # bodies with mass merged, say
+            found[2, members] = True
+            continue
         reach = dict(zip(run.names, seen.reach.tolist(), strict=True)) if seen.dominant >= 0 else {}
         if most > reach.get(planet, math.inf):
             unit = run.system.units.length
@@ -117,6 +124,7 @@ def _followed(run: Trajectory, seen: Seen, planet: str, most: float, names: Sequ
     apart, speed = (x[:, list(rows)] - x[:, [other]] for x in (ends._q, ends._v))
     hit = (np.linalg.norm(apart, axis=2) < most).any(axis=0)
     nearer = (apart[1] * speed[1]).sum(axis=1) * run.clock.direction < 0.0
+    nearer &= np.linalg.norm(apart[1], axis=1) < seen.reach[other]
     numbers = [k for k, one in enumerate(seen.passages) if other in (one.body, one.other)]
     refine(run, seen, [k for k in numbers if not np.isfinite(seen.passages[k].distance)])
     for passage in (seen.passages[k] for k in numbers):
@@ -153,10 +161,17 @@ def _warn(planet: str, unknown: int, nearer: int) -> None:
         ).warn()
 
 
-def _warn_of_untold(planet: str, radius: Any, others: list[str]) -> None:
-    if others:
-        Finding(
-            f"{counted(len(others), 'clone')} came relatively closer to {few(sorted(set(others)))} than to {planet}; "
-            f"the campaign does not tell whether they came within {radius} of it, and they count as misses. Keep "
-            "trajectories: ensemble.run(..., trajectories=True)."
-        ).warn()
+def _warn_of_untold(planet: str, radius: Any, others: list[str], kept: bool) -> None:
+    """Warn of clones of which a campaign does not tell: the bodies to which they came closest, "" if none is known.
+
+    kept : whether it keeps trajectories, whose passages then are not all listed
+    """
+    if not others:
+        return
+    known = sorted(set(others) - {""})
+    closer = f"came relatively closer to {few(known)} than to {planet}" if known else "have no closest body"
+    remedy = "" if kept else " Keep trajectories: ensemble.run(..., trajectories=True)."
+    Finding(
+        f"{counted(len(others), 'clone')} {closer}; the campaign does not tell whether they came within {radius} of "
+        f"{planet}, and they count as misses.{remedy}"
+    ).warn()

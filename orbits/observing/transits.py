@@ -26,6 +26,9 @@ MID = "transit, closest"
 MOST_STEPS, LONGEST_STEP, ENOUGH = 60, 0.02, 1e-12
 """Of Newton's method: the most steps, the longest one and the last one, relative to the period of the orbit."""
 
+CIRCULAR = 1e-12
+"""The eccentricity up to which the direction to the pericentre is rounding, which may even lie across the orbit."""
+
 NEAR_WHOLE, MOST_PARTS = 0.05, 10
 """How far from whole numbers of periods the intervals of transits may be, and the most periods in the shortest one."""
 
@@ -212,7 +215,7 @@ def _nearest_conjunction(gm: Array, q: Array, v: Array, towards: Array) -> tuple
     a = 1.0 / (2.0 / r - (v * v).sum(axis=1) / gm)
     pericentre = np.cross(v, np.cross(q, v)) / gm[:, None] - q / r[:, None]
     e = np.linalg.norm(pericentre, axis=1)
-    pericentre = np.where(e[:, None] > 0.0, pericentre, q)
+    pericentre = np.where(e[:, None] > CIRCULAR, pericentre, q)
     f, at = (
         np.arctan2((np.cross(pericentre, x) * pole).sum(axis=1), (pericentre * x).sum(axis=1))
         for x in (q, np.broadcast_to(towards, q.shape))

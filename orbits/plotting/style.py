@@ -80,7 +80,7 @@ def figure(width: float = 16.0, height: float = 10.0, dpi: int = 120) -> Figure:
 
 def save(made: Figure, path: Path) -> None:
     """Write a figure, by default as PNG, with metadata that name this package: as a whole or not at all."""
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    partial = path.with_name(f".{path.name}.partial")
     try:
         with look():
             made.savefig(partial, format=path.suffix[1:] or "png", metadata={"Software": MARK})

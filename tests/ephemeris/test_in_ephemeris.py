@@ -11,7 +11,7 @@ from astropy.time import Time
 
 import orbits
 from orbits import ephemeris
-from orbits.errors import EpochError, InputError, StepWarning
+from orbits.errors import EpochError, InputError, RetiredWarning, StepWarning
 from orbits.lagrangians.terms.in_ephemeris import EXCERPT
 from orbits.resources import data_path
 from orbits.scenario import load, perform
@@ -410,3 +410,19 @@ def test_collisions_are_sought_up_to_the_last_moment_of_the_ephemeris(epoch, unt
     run = orbits.propagate(solid, until=until, samples=2, events=merging, progress=False)
     assert np.array_equal(run.q, plain.q)
     assert len(run.events) == 0
+
+
+def test_a_particle_that_falls_on_the_earth_in_the_last_hours_of_the_ephemeris_hits_beside_one_that_is_lost():
+    system = orbits.System.in_ephemeris(EXCERPT_PATH, epoch="2029-12-31 18:00")
+    radii = [6371.0 if name == "Earth" else 0.0 for name in system.names] + [0.0, 0.0]
+    earth, mars, way = system["Earth"], system["Mars"], np.array([0.6, 0.64, 0.48])
+    system = system.add("falls", q=earth.q + 5e4 * way * u.km, v=earth.v - 3.0 * way * u.km / u.s)
+    system = system.add("lost", q=mars.q + 3e3 * way * u.km, v=mars.v - 0.1 * way * u.km / u.s)
+    solid, merging = system.replaced(radii=radii * u.km), orbits.events.Collision(then=orbits.events.Merge())
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        warnings.simplefilter("ignore", RetiredWarning)
+        run = orbits.propagate(solid, until="2030-01-01", samples=3, events=merging, progress=False)
+    assert [(event.body, event.other) for event in run.events] == [("Earth", "falls")]
+    assert abs(run.events.time.value[0] - 0.10894229) < 1e-8  # as with the whole of DE440
+    assert set(run.retired.names) == {"falls", "lost"}

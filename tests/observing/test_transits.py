@@ -11,6 +11,7 @@ from astropy.time import Time
 import orbits
 from orbits.errors import InputError, UnknownNameError
 from orbits.events import Occultation, Opposition, Transit
+from orbits.observing.transits import mid_transits
 
 EPOCH = Time(2457257.93, format="jd", scale="tdb")
 PLANETS = {  # three neighbours in resonance, about those of TRAPPIST-1
@@ -200,3 +201,15 @@ def test_the_impact_parameter_is_that_of_the_light():
     a, b, *_ = sight.of(state.q.value, state.v.value)
     expected = sight.apart(a, b) / moving.system.radii.value[0]
     np.testing.assert_allclose(table["impact_parameter"], expected, rtol=1e-12)
+
+
+def test_transits_of_circles_seen_edge_on_are_found_wherever_rounding_puts_the_pericentre():
+    """The vector to the pericentre of a circle is rounding, which may lie across the orbit alone: 15 of these did."""
+    rng, gm, a = np.random.default_rng(1), 2.36e-4, 0.0531
+    n = np.sqrt(gm / a**3)
+    phase = rng.uniform(-np.pi, np.pi, 20_000)
+    across, sideways = 1e-18 * rng.normal(size=(2, len(phase)))
+    q = np.stack([a * np.sin(phase), across, a * np.cos(phase)], axis=1)
+    v = np.stack([n * a * np.cos(phase), sideways, -n * a * np.sin(phase)], axis=1)
+    found = mid_transits(np.full(len(phase), gm), q, v, np.array([0.0, 0.0, 1.0]))
+    assert np.abs(found + phase / n).max() < 1e-14  # 4e-15 was reached, of periods of 5

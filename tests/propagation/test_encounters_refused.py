@@ -160,6 +160,8 @@ def test_clones_that_hit_are_counted_and_those_of_which_it_is_not_known_are_told
         orbits.ensemble.impact_probability(campaign, "Erth", radius=size)
     with pytest.raises(InputError, match="does not tell approaches to Sun, about which its members orbit"):
         orbits.ensemble.impact_probability(campaign, "Sun", radius=size)
+    with pytest.raises(InputError, match=r"radius is <Quantity -1\. km>; expected a finite number above 0"):
+        orbits.ensemble.impact_probability(campaign, "Earth", radius=-1 * u.km)
     for radius in (6378.137, 6378 * u.s, "large", None):
         with pytest.raises(InputError, match=r"radius is .* expected a length"):
             orbits.ensemble.impact_probability(campaign, "Earth", radius=radius)

@@ -122,11 +122,11 @@ class Contacts:
         return False
 
     def _end_of_part(self, leg: Leg, time: float, failure: IntegrationError) -> End:
-        """Return the end of the part of the next step up to a time, in which all particles may touch a body. Raises the
+        """Return the end of the part of the next step up to a time, in which any particle may touch a body. Raises the
         failure of the step if not even that can be taken.
         """
         try:
-            return End(time, state_in_step(leg, time), leg.problem.particles)
+            return End(time, state_in_step(leg, time), leg.problem.particles[~leg.losses.retired.gone()])
         except IntegrationError:
             raise failure from None
 
