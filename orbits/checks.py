@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -111,6 +111,19 @@ def nonzero_number(value: Any, what: str) -> float:
     return number
 
 
+def listed(given: object) -> list[Any] | None:
+    """Return a list of several things; None for a text, a mapping, and what has no parts, as a quantity of one
+    number.
+    """
+    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+        return None
+    try:
+        parts = iter(given)
+    except TypeError:
+        return None
+    return list(parts)
+
+
 def positive_number(value: Any, what: str, given: Any = None) -> float:
     """Return a scalar as float. Raises InputError, naming it, unless it is one finite number above 0.
 
@@ -191,7 +204,7 @@ def pole_direction(value: Any, what: str, units: Any) -> tuple[float, float, flo
     except TypeError:
         count = 0
     if count == 2:
-        ra, dec = (float(units.angle_value(angle, what)) for angle in value)
+        ra, dec = (single_number(units.angle_value(angle, what), what) for angle in value)
         if not abs(dec) <= np.pi / 2 + 1e-12:
             raise InputError(f"{what} has the declination {dec:g} rad; plain numbers are radians, degrees need u.deg.")
         found = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])

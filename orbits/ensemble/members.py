@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import checked_names
 from orbits.catalogue import Catalogue
+from orbits.checks import listed
 from orbits.errors import InputError, OrbitsError, shown
 from orbits.system import System
 from orbits.system.presenting import in_words
@@ -252,9 +253,9 @@ def systems(members: Iterable[System], *, names: Sequence[str] | None = None) ->
     names : of the members; by default their numbers
     Raises InputError for no members, for anything but systems, and for names that occur twice.
     """
-    if isinstance(members, System | str | Mapping) or not isinstance(members, Iterable):
+    made = None if isinstance(members, System) else listed(members)
+    if made is None:
         raise InputError(f"members is {shown(members)}; expected a list of orbits.System.")
-    made = list(members)
     for k, one in enumerate(made):
         if not isinstance(one, System):
             raise InputError(f"members[{k}] is {shown(one)}; expected an orbits.System.")
@@ -280,7 +281,7 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
     Members are named by their values, "a=2.5 AU e=0.1". The last axis varies fastest. Raises InputError for a grid
     without an axis, or with an empty one; for a `System` as `System.add` does.
     """
-    axes = {name: values for name, values in given.items() if not isinstance(values, str) and np.ndim(values)}
+    axes = {name: values for name, values in given.items() if not isinstance(values, str) and _shape(name, values)}
     for name, values in axes.items():
         if np.ndim(values) != 1 or not len(values):
             raise InputError(f"{name} has shape {np.shape(values)}; expected the values of an axis, (m,), one or more.")
@@ -338,6 +339,13 @@ def described(system: System) -> str:
     epoch = "" if system.epoch is None else repr((system.epoch.jd1, system.epoch.jd2))
     acting = repr((system.terms, system.forces, system.units, softening))
     return f"System({in_words(system)}), {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
+
+
+def _shape(name: str, values: Any) -> tuple[int, ...]:
+    try:
+        return np.shape(values)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is {shown(values)}; expected one value, or those of an axis, (m,).") from error
 
 
 def _at(values: Any, places: NDArray[np.intp]) -> Any:

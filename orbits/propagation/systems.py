@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, wait
 from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
-from orbits.checks import whole_number
+from orbits.checks import listed, whole_number
 from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, shown
 from orbits.finding import SHOWN, Finding, kind_of
 from orbits.marching.legs.leg import available_threads
@@ -36,11 +36,11 @@ PAUSE = 0.1
 
 def systems_of(given: object) -> list[System]:
     """Return a list of systems of equal shape. Raises InputError for anything else, naming those that differ."""
-    if isinstance(given, str | bytes | Mapping) or not isinstance(given, Iterable):
+    systems = listed(given)
+    if systems is None:
         raise InputError(
             f"system must be an orbits.System, or a list of systems of equal shape, got {type(given).__name__}"
         )
-    systems = list(given)
     if not systems:
         raise InputError("the list of systems is empty; expected an orbits.System, or a list with at least one.")
     for k, system in enumerate(systems):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from astropy import units as u
+from astropy.time import Time
 
 import orbits
 from orbits import ensemble
@@ -169,3 +170,16 @@ def test_blocks_of_few_members_and_of_many_have_a_size_by_their_work():
     assert size(100_000, duration="100 yr", dt="10 d", samples=10_000) == 544  # 256 MB
     assert size(1000, duration="100 yr", dt="10 d") == 48  # so that there are sixteen and more
     assert size(1000, duration="100 yr", dt="10 d", block=7) == 7
+
+
+def test_what_has_no_parts_or_uneven_ones_is_refused_in_words():
+    planets = orbits.System.from_elements({"Sun": {"mass": 1 * u.M_sun}, "b": {"a": 1 * u.au, "mass": 1 * u.M_jup}})
+    for scalar in (-1 * u.yr, Time("2020-01-01")):
+        with pytest.raises(InputError, match=r"expected a list of orbits\.System"):
+            orbits.ensemble.systems(scalar)
+        with pytest.raises(InputError, match=r"a list of systems of equal shape, got"):
+            orbits.propagate(scalar, duration=1)
+    with pytest.raises(InputError, match=r"a is \[\[1, 2\], \[3\]\]; expected one value, or those of an axis"):
+        orbits.ensemble.grid(planets, primary="Sun", a=[[1, 2], [3]])
+    with pytest.raises(InputError, match="pole"):
+        planets.with_terms(orbits.terms.ZonalHarmonics("Sun", J2=1e-3, radius=1 * u.km, pole=([1, 2], [3, 4])))

@@ -43,7 +43,8 @@ class Stops:
 
     def __init__(self, bounds: Mapping[int, Distance], sought: Mapping[int, tuple[int, int, int]]) -> None:
         self.bounds = bounds
-        self.rows = np.array([[*sought[k], bound.distance**2] for k, bound in bounds.items()], dtype=np.float64)
+        rows = [[*sought[k], bound.distance * bound.distance] for k, bound in bounds.items()]
+        self.rows = np.array(rows, dtype=np.float64)
 
     def may_end(self, marcher: Legs, end: Sample) -> bool:
         """Return whether a pair may pass its bound between the state of the march and another."""
