@@ -132,8 +132,7 @@ def experiment(say):
         curves[name] = ensemble(states)
         found[name] = [growth(periods, each) for each in curves[name]]
         for what, grown in zip(("energy", "phase"), found[name], strict=True):
-            power = f"{grown.exponent:.2f} ± {grown.uncertainty:.2f}"
-            rows.append([name, what, power, round(grown.bias, 1), float(grown.rms[-1])])
+            rows.append([name, what, power_of(grown), round(grown.bias, 1), float(grown.rms[-1])])
     columns = ["method", "error of", "grows with the power", "mean [its standard error]", "RMS at the end"]
     title = f"{STARTS} orbits with e = {ECCENTRICITY:g}: errors from {FIRST:,} to {PERIODS:,} periods"
     return StudyResult(
@@ -144,23 +143,26 @@ def experiment(say):
     )
 
 
+def power_of(grown: Growth) -> str:
+    """Return the power of time with which errors grow, and its uncertainty."""
+    return f"{grown.exponent:.2f} ± {grown.uncertainty:.2f}"
+
+
 def judged(found: dict[str, list[Growth]]):
     """Yield what must hold: no more than a random walk for exact coefficients, which round so little that less than a
     walk may be left; a random walk for IAS15; a drift for rounded ones.
     """
     for what, law, grown in zip(("energy", "phase"), (0.5, 1.5), found[EXACT], strict=True):
         slower = grown.exponent < law + 3.0 * grown.uncertainty
-        told = f"power {grown.exponent:.2f} ± {grown.uncertainty:.2f}"
-        yield Check(f"{EXACT}: the {what} errs no faster than by a random walk, power {law:g}", slower, told)
+        claim = f"{EXACT}: the {what} errs no faster than by a random walk, power {law:g}"
+        yield Check(claim, slower, f"power {power_of(grown)}")
     energy = found[EXACT][0]
-    told = f"power {energy.exponent:.2f} ± {energy.uncertainty:.2f}"
-    yield Check(f"{EXACT}: the energy does not drift", not energy.consistent_with(1.0), told)
+    yield Check(f"{EXACT}: the energy does not drift", not energy.consistent_with(1.0), f"power {power_of(energy)}")
     laws = zip(("energy", "phase"), (0.5, 1.5), (1.0, 2.0), found[EXACT], found[ROUNDED], found[PEER], strict=True)
     for what, law, drift, exact, rounded, peer in laws:
-        told = f"power {peer.exponent:.2f} ± {peer.uncertainty:.2f}"
-        yield Check(f"{PEER}: the {what} walks at random, power {law:g}", peer.consistent_with(law), told)
-        told = f"power {rounded.exponent:.2f} ± {rounded.uncertainty:.2f}"
-        yield Check(f"{ROUNDED}: the {what} drifts, power {drift:g}", abs(rounded.exponent - drift) < 0.1, told)
+        walks, drifts = peer.consistent_with(law), abs(rounded.exponent - drift) < 0.1
+        yield Check(f"{PEER}: the {what} walks at random, power {law:g}", walks, f"power {power_of(peer)}")
+        yield Check(f"{ROUNDED}: the {what} drifts, power {drift:g}", drifts, f"power {power_of(rounded)}")
         # Of one sign for all starts: hundreds of standard errors; a random walk has one or two.
         yield Check(f"{ROUNDED}: all starts lean to one side", abs(rounded.bias) > 20, f"{rounded.bias:.0f} sigma")
         worse = rounded.rms[-1] / exact.rms[-1]
@@ -185,7 +187,7 @@ def draw(periods, curves, found):
                 periods, np.maximum(np.abs(each[k]), LEAST).T, color=colours[name], lw=0.5, alpha=0.22, zorder=1
             )
             grown = found[name][k]
-            label = f"{name}: power {grown.exponent:.2f} ± {grown.uncertainty:.2f}"
+            label = f"{name}: power {power_of(grown)}"
             axis.plot(
                 periods,
                 grown.rms,

@@ -135,8 +135,14 @@ def test_an_error_in_what_one_system_is_given_names_it_before_anything_runs(tmp_
 
 
 def test_warnings_name_their_systems_and_equal_ones_are_given_once():
+    options = {"dt": "400 d", "duration": "60 yr", "samples": 3}
     with pytest.warns(StepWarning) as caught:
-        orbits.propagate([giants(0), giants(0), giants(3)], "wisdom-holman", dt="400 d", duration="60 yr", samples=3)
+        orbits.propagate([giants(0), giants(0), giants(3)], "wisdom-holman", **options)
+    with pytest.warns(StepWarning) as alone:
+        orbits.propagate(giants(0), "wisdom-holman", **options)
+    kinds = [[one.message.finding.kind for one in some] for some in (caught, alone)]
+    assert kinds[0] == kinds[1]
+    assert all(kinds[0])
     texts = [str(one.message) for one in caught if issubclass(one.category, StepWarning)]
     assert len(texts) == 2  # before the runs and after them
     for text in texts:
