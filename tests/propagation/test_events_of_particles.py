@@ -121,6 +121,18 @@ def test_events_at_the_times_of_samples_are_found_once(dt):
     np.testing.assert_allclose(again.events.time.value, times, rtol=0.0, atol=1e-11)
 
 
+@pytest.mark.parametrize("apart", [-0.011, 0.013])
+def test_samples_within_steps_change_no_event(apart):
+    """Also just before and after events; of motion that takes whole steps from each sample, half of them are missed."""
+    events = [Pericentre("probe"), Apocentre("probe"), CloserThan(0.5, "probe", "planet")]
+    options = {"dt": 0.15, "integrator": "stormer-verlet"}
+    whole = sought(events, samples=[30.0], **options).events
+    some = sought(events, samples=np.append(whole.time.value + apart, 30.0), **options).events
+    assert listed(some) == listed(whole)
+    assert len(whole) > 15
+    np.testing.assert_allclose(some.time.value, whole.time.value, atol=1e-12)
+
+
 @STEPS
 def test_a_zero_exactly_at_the_start_is_no_event(dt):
     q, v = [[0, 0, 0], [9, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1 / 3, 0], [0, 0.9, 0]]

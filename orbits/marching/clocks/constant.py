@@ -122,6 +122,10 @@ class Clock:
         """Return what tells a leg that begins at `start` when its steps are."""
         raise NotImplementedError
 
+    def step_begin(self, time: float) -> float:
+        """Return the latest time, not after this one, at which a march can begin and take the steps of the run."""
+        return time
+
     def begun_within(self, step: int, time: float) -> tuple[Clock, float, int]:
         """Return how a march goes on from a time in a step of which the bodies change there, so that later steps are
         where they would have been: its clock, the time from which it is counted, and the steps of that clock taken.
@@ -222,6 +226,10 @@ class ConstantSteps(Clock):
     def step_times(self, start: float) -> GridTimes:
         """Return what tells a leg that begins at `start` when its steps are."""
         return GridTimes(self, start)
+
+    def step_begin(self, time: float) -> float:
+        """Return the time at which the step at a time begins."""
+        return float(self.time(self.place(time).steps))
 
     def begun_within(self, step: int, time: float) -> tuple[Clock, float, int]:
         """Return one step to the end of this one; at the very end of it, the next whole one."""

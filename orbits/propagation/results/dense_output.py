@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from orbits.errors import InputError, with_unit
 from orbits.integrators.forms import padded
-from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.marching.legs.step_keeping import steps_apart
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.marchers import bound
@@ -90,6 +89,8 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     q[~missing], v[~missing] = trajectory._q[before[~missing]], trajectory._v[before[~missing]]
     changes = trajectory.changes is not None and len(trajectory.changes) > 0
     if changes or kept is None or not len(kept):
+        place = _outside_excursions(trajectory, known)[place]
+        before, begun = order[place], known[place]
         accounts = _accounts(trajectory, before) if most_inner(trajectory.system) and not changes else None
         _marched(trajectory, begun, before, lambda k: _state(trajectory, k), times, missing, q, v, accounts)
         return q, v, times, accounts
@@ -103,6 +104,18 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         rows = np.searchsorted(starts * direction, times * direction, side="right") - 1
         _marched(trajectory, starts[rows], rows, lambda k: _one(kept, k), times, marched, q, v)
     return q, v, times, None
+
+
+def _outside_excursions(trajectory: Trajectory, times: Array) -> NDArray[np.intp]:
+    """Return for each of the times of known states (m,) the last one up to it that lies outside the excursions of all
+    bodies from a map, which begin and end as in the run only if the march begins before them; itself if there is none.
+    """
+    if not len(trajectory.excursions):
+        return np.arange(len(times))
+    readings = times / trajectory.clock.h
+    outside = [not trajectory.excursions.include(reading) for reading in readings.tolist()]
+    last = np.maximum.accumulate(np.where(outside, np.arange(len(times)), -1))
+    return np.where(last >= 0, last, np.arange(len(times)))
 
 
 def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array]:
@@ -165,7 +178,6 @@ def _marched(
     """
     clock = trajectory.clock
     again, known = None, 0
-    given: Array | None = None
     for k in np.argsort(times * clock.direction, kind="stable").tolist():
         if not missing[k]:
             continue
@@ -174,9 +186,8 @@ def _marched(
             given = None if accounts is None else accounts[k].copy()
             again = MarchedAgain(trajectory, float(begun[k]), *state(known), given)
         q[k], v[k] = again.at(float(times[k]))
-        if accounts is not None and given is not None:
-            accounts[k] = again.march.accounts()
-            accounts[k, :, :FIGURES] += given[:, :FIGURES]
+        if accounts is not None:
+            accounts[k] = again.accounts()
     whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)

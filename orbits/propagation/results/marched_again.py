@@ -7,19 +7,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.kernels.gravity.terms_and_forces import FIGURES
+from orbits.marching.clocks.step_times import Place
 from orbits.propagation.marchers import bound
 from orbits.system.model import continued
 from orbits.trajectory.changes import BODY, GM, GONE, TIME, Q, V, of_bodies
 
 if TYPE_CHECKING:
+    from orbits.marching.clocks.constant import Clock
     from orbits.marching.legs.excursions.planet_excursions import Legs
+    from orbits.system import System
     from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
 
 class MarchedAgain:
-    """A run marched again by its own method and steps.
+    """A run marched again by its own method and along its own steps.
+
+    A sample within a step is where a partial step has led from its beginning, or from a change of the bodies within it.
+    It is taken back first: by a symmetric method to round-off, by others with the error of such a step.
 
     run : the run; time, q, v : of the state from which it is marched, of all bodies
     accounts : of the forces there, if some have internal variables; a run with these has no changes
@@ -28,7 +35,7 @@ class MarchedAgain:
     march: Legs
 
     def __init__(self, run: Trajectory, time: float, q: Array, v: Array, accounts: Array | None = None) -> None:
-        self._run, self._system = run, run.system if accounts is None else continued(run.system, accounts)
+        self._run, self._accounts = run, accounts
         self._begin(time, np.array(q), np.array(v))
 
     def at(self, time: float) -> tuple[Array, Array]:
@@ -45,19 +52,61 @@ class MarchedAgain:
                 self._begin(instant, q, v)
         return self._state(time)
 
+    def accounts(self) -> Array:
+        """Return the accounts of the forces at the state returned last, (forces, 7 + inner), since the run began, if
+        they were given.
+        """
+        return self._with_those_before(self.march)
+
+    def _with_those_before(self, march: Legs) -> Array:
+        accounts = march.accounts().copy()
+        if self._accounts is not None:
+            accounts[:, :FIGURES] += self._accounts[:, :FIGURES]
+        return accounts
+
     def _begin(self, time: float, q: Array, v: Array) -> None:
-        run, changes, system = self._run, self._run.changes, self._system
+        """March on from a state at a time, after the changes there."""
+        run, changes = self._run, self._run.changes
         self._time, self._there = time, np.ones(len(q), dtype=bool)
+        begun, changed = run.clock.step_begin(time), False
         if changes is not None and len(changes):
             bodies = changes.bodies_at(time)
             self._there = bodies.present & np.isfinite(q).all(axis=1)
-            system = of_bodies(system, bodies._replace(present=self._there))
-        how, state = (run.integrator, run.clock), (q[self._there], v[self._there])
-        self.march = bound(system, *how, threads=1, state=state, start=time, underway=True)
+            earlier = changes.between(begun, time)
+            changed = len(earlier) > 0
+            begun = float(earlier[-1, TIME]) if changed else begun
+        state = q[self._there], v[self._there]
+        if begun != time:
+            home = self._bound(run.clock, time, state).home
+            state = home.state_after(begun - time)
+            self._accounts = None if self._accounts is None else self._with_those_before(home)
+        self._clock, self._start, self._grid = run.clock, begun, -1
+        if changed:
+            step = run.clock.place(begun).steps
+            self._clock, self._start, _ = run.clock.begun_within(step, begun)
+            self._grid = step + 1 if self._clock is not run.clock else -1
+        self.march = self._bound(self._clock, self._start, state)
+
+    def _bound(self, clock: Clock, start: float, state: tuple[Array, Array]) -> Legs:
+        return bound(
+            self._system(), self._run.integrator, clock, threads=1, state=state, start=start, underway=True
+        )
+
+    def _system(self) -> System:
+        """Return the bodies that are there, with the forces as they are now."""
+        system, changes = self._run.system, self._run.changes
+        if changes is not None and len(changes):
+            return of_bodies(system, changes.bodies_at(self._time)._replace(present=self._there))
+        return system if self._accounts is None else continued(system, self._accounts)
 
     def _state(self, time: float) -> tuple[Array, Array]:
+        clock, direction = self._run.clock, self._run.clock.direction
+        if self._grid >= 0 and (time - float(clock.time(self._grid))) * direction >= 0.0:  # beyond the part of a step
+            self._begin(float(clock.time(self._grid)), *self._advanced(Place(1, 0.0)))
+        return self._advanced(self._clock.place(time - self._start))
+
+    def _advanced(self, place: Place) -> tuple[Array, Array]:
         q, v = np.full((2, len(self._there), 3), np.nan)
-        place = self._run.clock.place(time - self._time)
         self.march.advance_to(place)
         q[self._there], v[self._there] = self.march.state_at(place)
         return q, v

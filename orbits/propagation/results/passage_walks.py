@@ -36,7 +36,7 @@ class Walk:
         wanted[list(bodies)] = True
         self.bodies = np.flatnonzero(wanted)
         step, rest = trajectory.clock.place(time)
-        self.step: float = step + (rest != 0.0)
+        self.step: float = step
         self._clock = trajectory.clock
         self._integrator, self._system = trajectory.integrator, system
         if most_inner(system) and sample >= 0:
@@ -46,10 +46,10 @@ class Walk:
         if self._clock.changes:
             self._begun = self.step = time
         elif rest != 0.0:
-            at = self._clock.time(self.step)
-            state = self.marcher.state_after(self._clock.h - rest)
+            at = self._clock.time(step)
+            state = self.marcher.home.state_after(-rest)
             if most_inner(system):
-                self._system = continued(self._system, self.marcher.accounts(), [system.names[i] for i in self.bodies])
+                self._system = continued(self._system, self.marcher.home.accounts(), [system.names[i] for i in self.bodies])
             self.marcher = self._bound(*state, at)
         self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 

@@ -58,7 +58,7 @@ class MotionSearch:
         self._there[list(subjects)] = True
         self.interrupts = any(self._of[k].interrupts for k in numbers)
         self._begin_leg()
-        self._first = True
+        self._first, self._since = True, -self._direction * np.inf
         self._remarks: dict[int, str] = {}
         self._longest = 0.0
         self.log = Log(self._direction)
@@ -155,12 +155,12 @@ class MotionSearch:
         if len(self._collected):
             self._seek(self._collected.emptied(), True)
 
-    def along(self, motion: Motion, first: bool) -> Found | None:
+    def along(self, motion: Motion, first: bool, since: float) -> Found | None:
         """Seek events in the next stretch of a motion; return the first one that interrupts the run, if any.
 
-        first : whether the run starts with it
+        first : whether the run starts with it; since : the time up to which they were sought before
         """
-        self._first = first
+        self._first, self._since = first, since
         return self._seek(motion, False)
 
     def between(self, t: Array, q: Array, v: Array, first: bool) -> Found | None:
@@ -212,6 +212,10 @@ class MotionSearch:
         if until is not None:
             order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
             failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
+        if np.isfinite(self._since):
+            apart = SAME * float(abs(np.diff(times)).max())
+            later = (rows[order, TIME] - self._since) * self._direction > -apart
+            order = order[[is_later and not self.log.has(rows[k], apart) for k, is_later in zip(order, later, strict=True)]]
         if self.log.known:
             # The stretch to the end of a run may be far shorter than the step in which an event was found before.
             apart = max(SAME * float(abs(np.diff(times)).max()), ROUNDED * float(abs(times).max()))

@@ -9,6 +9,7 @@ which `run.at` is as well, however chaotic that is.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,9 @@ from orbits.propagation.marchers import bound
 from orbits.system import System
 from orbits.time_grid import dynamical_time
 from orbits.trajectory.events import MOST_EVENTS
+
+if TYPE_CHECKING:
+    from orbits.marching.legs.excursions.planet_excursions import Legs
 
 Array = NDArray[np.float64]
 
@@ -96,11 +100,8 @@ class ParticleSearches:
 
     def state_at(self, time: float) -> tuple[Array, Array]:
         """Return q and v of all bodies, (n, 3), at a time after the last sample, as `run.at` computes them."""
-        begun = self._last
-        march = bound(
-            self._system, self._integrator, self._clock, threads=1, state=(begun.q, begun.v), start=begun.time
-        )
-        place = self._clock.place(time - begun.time)
+        march, start = along_steps(self._system, self._integrator, self._clock, *self._last)
+        place = self._clock.place(time - start)
         march.advance_to(place)
         return march.state_at(place)
 
@@ -117,7 +118,7 @@ class ParticleSearches:
             for motion, ends in self._motions(system, there, time):
                 if ends and end is not None:
                     motion.end_in(end.q[there], end.v[there])
-                found = search.along(motion, first)
+                found = search.along(motion, first, begun.time)
                 first = False
                 if found is not None:
                     return found
@@ -147,22 +148,36 @@ class ParticleSearches:
         return all((way <= NOTHING * np.linalg.norm(q - at, axis=1)).all() for way, at in zip(ways, q, strict=True))
 
     def _motions(self, system: System, there: NDArray[np.bool_], time: float) -> Iterator[tuple[Motion, bool]]:
-        """Yield the motion from the last sample to a time, in stretches, and whether each is the last one."""
-        begun = self._last
-        state = begun.q[there], begun.v[there]
+        """Yield the motion from the beginning of the step with the last sample to a time, in stretches, and whether each
+        is the last one.
+        """
+        begun, q, v = self._last.time, self._last.q[there], self._last.v[there]
         integrator, clock = self._integrator, self._clock
         if FOLLOW in integrator.in_encounters:  # as it is followed there
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
-        march = bound(system, integrator, clock, threads=1, state=state, start=begun.time, dense=True)
+        march, start = along_steps(system, integrator, clock, begun, q, v, dense=True)
         if clock.changes:  # a march then counts its time from its begin
-            yield from within_step.stretches(*within_step.towards(march.leg, time - begun.time))
+            yield from within_step.stretches(*within_step.towards(march.leg, time - begun))
             return
-        place = self._clock.place(time - begun.time)
+        place = self._clock.place(time - start)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
         for motion, ends in within_step.stretches(march, place):
             yield motion, ends and not rest
         if rest:
             yield from within_step.stretches(*within_step.towards(march.leg, time))
+
+
+def along_steps(
+    system: System, integrator: Integrator, clock: Clock, time: float, q: Array, v: Array, **options: Any
+) -> tuple[Legs, float]:
+    """Return a march that goes on from a sample along the steps of the run, and when it begins: a partial step to the
+    sample is taken back.
+    """
+    start, state = clock.step_begin(time), (q, v)
+    if start != time:
+        march = bound(system, integrator, clock, threads=1, state=state, start=time, **options)
+        state = march.home.state_after(start - time)
+    return bound(system, integrator, clock, threads=1, state=state, start=start, **options), start
 
 
 def with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:
