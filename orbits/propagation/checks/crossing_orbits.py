@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,8 +15,9 @@ from orbits.propagation.checks.step_check import in_digits
 from orbits.system.derived import derived
 
 if TYPE_CHECKING:
-    from orbits.integrators.forms import Array
     from orbits.system import System
+
+Array = NDArray[np.float64]
 
 
 ROUNDING = 1e-12
@@ -50,13 +52,13 @@ def orbits_of_planets(system: System) -> Orbits:
     rows = system.massive.nonzero()[0]
     rows = rows[rows != sun]
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], values.gm[rows] + values.gm[sun]
-    r, spin = np.linalg.norm(q, axis=1)[:, None], np.cross(q, v)
-    to_pericentre = np.cross(v, spin) / mu[:, None] - q / r
-    e = np.linalg.norm(to_pericentre, axis=1)
+    r, spin = _sizes(q)[:, None], _cross(q, v)
+    to_pericentre = _cross(v, spin) / mu[:, None] - q / r
+    e = _sizes(to_pericentre)
     round_ = e[:, None] <= 1e-12
     along = np.where(round_, q / r, to_pericentre) / np.where(round_, 1.0, e[:, None])
-    plane = np.cross(spin, along)
-    size = np.linalg.norm(plane, axis=1)[:, None]
+    plane = _cross(spin, along)
+    size = _sizes(plane)[:, None]
     across = plane / np.where(size > 0.0, size, 1.0)
     return Orbits(rows, q, v, mu, (spin**2).sum(axis=1) / mu / (1.0 + e), e, along, across)
 
@@ -67,16 +69,18 @@ def close_pairs(system: System) -> tuple[list[str], int]:
     """
     orbits = derived(system, orbits_of_planets)
     values, units, sun = system.values, system.units, int(system.values.gm.argmax())
-    first, second = np.triu_indices(len(orbits.row), 1)
+    first, second = _pairs(len(orbits.row))
     one, other = orbits.row[first], orbits.row[second]
     gm, dominant = values.gm[one] + values.gm[other], float(values.gm[sun])
-    apart = np.linalg.norm(values.q[one] - values.q[other], axis=1)
+    apart = _sizes(values.q[one] - values.q[other])
     close = apart < reach(values.q[one] - values.q[sun], gm, dominant)
     crossing = np.zeros_like(close)
     bound = np.flatnonzero(~close & (np.maximum(orbits.e[first], orbits.e[second]) < 1.0))
     share = HILL_RADII * np.cbrt(gm[bound] / (3.0 * dominant))
     crossing[bound] = come_within(orbits.conics(first[bound]), orbits.conics(second[bound]), share)
     found = np.flatnonzero(close | crossing)
+    if not len(found):
+        return [], 0
     shown = found[:SHOWN]
     passing = shown[crossing[shown]]
     inner, outer = orbits.conics(first[passing]), orbits.conics(second[passing])
@@ -91,3 +95,25 @@ def close_pairs(system: System) -> tuple[list[str], int]:
         else:
             texts.append(f"{names} are {in_digits(float(apart[k]), units.length)} apart, {within}")
     return texts, len(found)
+
+
+@lru_cache(maxsize=16)
+def _pairs(count: int) -> tuple[NDArray[np.intp], ...]:
+    """Return the first and the second bodies of all pairs of so many, read-only."""
+    pairs = np.triu_indices(count, 1)
+    for one in pairs:
+        one.flags.writeable = False
+    return pairs
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the vector products of rows, (n, 3)."""
+    return np.asarray(a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT])
+
+
+def _sizes(x: Array) -> Array:
+    """Return the lengths of rows, (n,)."""
+    return np.asarray(np.sqrt((x * x).sum(axis=1)))
+
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])

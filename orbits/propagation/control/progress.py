@@ -22,6 +22,16 @@ PAUSE = 0.2
 """Seconds between two messages to a notebook, which stores all of them."""
 
 
+class NoBar:
+    """Shows nothing."""
+
+    def update(self, done: float, steps: int | None = None) -> None:
+        """Take no note."""
+
+    def close(self) -> None:
+        """Nothing to remove."""
+
+
 class Progress:
     """Shows the progress of a run.
 

@@ -54,10 +54,11 @@ class MotionSearch:
     def __init__(self, asked: Asked, numbers: list[int], subjects: tuple[int, ...]) -> None:
         self.asked, self.subjects, self._direction = asked, subjects, asked.direction
         self._numbers, self._bounds, self._of = numbers, asked.bounds, asked.of
-        self._there = asked.system.massive.copy()
-        self._there[list(subjects)] = True
         self.interrupts = any(self._of[k].interrupts for k in numbers)
-        self._begin_leg()
+        if numbers:
+            self._there = asked.system.massive.copy()
+            self._there[list(subjects)] = True
+            self._begin_leg()
         self._first = True
         self._remarks: dict[int, str] = {}
         self._longest = 0.0
@@ -152,7 +153,7 @@ class MotionSearch:
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
-        if len(self._collected):
+        if self and len(self._collected):
             self._seek(self._collected.emptied(), True)
 
     def along(self, motion: Motion, first: bool) -> Found | None:
