@@ -30,7 +30,7 @@ from orbits.marching.legs.march import March
 from orbits.propagation.checks.precision import energy_lost
 from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
-from orbits.propagation.control.progress import NoBar, Progress, kind_of_bar
+from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.events.base import Sample
 from orbits.propagation.events.functions import Raised
@@ -91,13 +91,10 @@ class Run(NamedTuple):
     release: Callable[[], None] = lambda: None
     heartbeat: Heartbeat | None = None
 
-    def bar(self, label: str) -> Bar:
-        """Return a bar that shows its progress, if one is to be shown."""
-        if kind_of_bar(self.progress) is None:
-            return NoBar()
+    def bar(self, label: str) -> Progress:
+        """Return a bar that shows its progress."""
         unit, begun = self.system.units.time, (self.marcher.time, self.marcher.step)
-        steps = self.grid.whole_steps
-        return Progress(self.progress, label=label, total=self.grid.end, unit=unit, steps=steps, begun=begun)
+        return Progress(self.progress, label=label, total=self.grid.end, unit=unit, begun=begun)
 
 
 def march(run: Run) -> Trajectory:

@@ -9,7 +9,6 @@ import pytest
 import orbits
 from orbits.marching.following import own_memory
 from orbits.marching.stepping import alignment, bound_loops
-from orbits.propagation.checks import crossing_orbits
 
 from ..problems import three_bodies
 
@@ -48,12 +47,6 @@ def test_zeros_on_demand_are_zeros_that_can_be_written(size):
     found[...] = 1.0
     assert found.sum() == size
     assert not alignment.zeros_on_demand(size).any()
-
-
-def test_vector_products_and_lengths_of_rows_have_the_bits_of_numpy():
-    a, b = np.random.default_rng(3).normal(size=(2, 50, 3))
-    np.testing.assert_array_equal(crossing_orbits._cross(a, b), np.cross(a, b))
-    np.testing.assert_array_equal(crossing_orbits._sizes(a), np.linalg.norm(a, axis=1))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no processes are forked here")

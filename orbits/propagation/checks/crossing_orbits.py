@@ -52,13 +52,13 @@ def orbits_of_planets(system: System) -> Orbits:
     rows = system.massive.nonzero()[0]
     rows = rows[rows != sun]
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], values.gm[rows] + values.gm[sun]
-    r, spin = _sizes(q)[:, None], _cross(q, v)
+    r, spin = np.linalg.norm(q, axis=1)[:, None], _cross(q, v)
     to_pericentre = _cross(v, spin) / mu[:, None] - q / r
-    e = _sizes(to_pericentre)
+    e = np.linalg.norm(to_pericentre, axis=1)
     round_ = e[:, None] <= 1e-12
     along = np.where(round_, q / r, to_pericentre) / np.where(round_, 1.0, e[:, None])
     plane = _cross(spin, along)
-    size = _sizes(plane)[:, None]
+    size = np.linalg.norm(plane, axis=1)[:, None]
     across = plane / np.where(size > 0.0, size, 1.0)
     return Orbits(rows, q, v, mu, (spin**2).sum(axis=1) / mu / (1.0 + e), e, along, across)
 
@@ -69,10 +69,10 @@ def close_pairs(system: System) -> tuple[list[str], int]:
     """
     orbits = derived(system, orbits_of_planets)
     values, units, sun = system.values, system.units, int(system.values.gm.argmax())
-    first, second = _pairs(len(orbits.row))
+    first, second = _pairs(len(orbits.row), 1)
     one, other = orbits.row[first], orbits.row[second]
     gm, dominant = values.gm[one] + values.gm[other], float(values.gm[sun])
-    apart = _sizes(values.q[one] - values.q[other])
+    apart = np.linalg.norm(values.q[one] - values.q[other], axis=1)
     close = apart < reach(values.q[one] - values.q[sun], gm, dominant)
     crossing = np.zeros_like(close)
     bound = np.flatnonzero(~close & (np.maximum(orbits.e[first], orbits.e[second]) < 1.0))
@@ -97,23 +97,10 @@ def close_pairs(system: System) -> tuple[list[str], int]:
     return texts, len(found)
 
 
-@lru_cache(maxsize=16)
-def _pairs(count: int) -> tuple[NDArray[np.intp], ...]:
-    """Return the first and the second bodies of all pairs of so many, read-only."""
-    pairs = np.triu_indices(count, 1)
-    for one in pairs:
-        one.flags.writeable = False
-    return pairs
-
-
 def _cross(a: Array, b: Array) -> Array:
-    """Return the vector products of rows, (n, 3)."""
-    return np.asarray(a[:, _NEXT] * b[:, _LAST] - a[:, _LAST] * b[:, _NEXT])
+    """Return the vector products of rows, (n, 3), in a fraction of NumPy's time for a few."""
+    return np.asarray(a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]])
 
 
-def _sizes(x: Array) -> Array:
-    """Return the lengths of rows, (n,)."""
-    return np.asarray(np.sqrt((x * x).sum(axis=1)))
-
-
-_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+_pairs = lru_cache(maxsize=16)(np.triu_indices)
+"""The numbers of both bodies of all pairs of so many, which nobody writes."""

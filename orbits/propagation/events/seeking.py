@@ -64,8 +64,6 @@ class Seeking(MotionSearch):
 
     def table(self) -> Events:
         """Return what was found so far."""
-        if not self.events:
-            return Events(self.asked.system)
         rows = [self.log.rows, *(search.log.rows for search in self.particles)]
         words = [bound.words for bound in self._bounds]
         found = in_order(rows, self._direction) if self.particles else rows[0]
@@ -98,8 +96,6 @@ class Seeking(MotionSearch):
 
     def remarks(self) -> list[str]:
         """Return what is to be said of events that mean nothing, or may be incomplete."""
-        if not self.events:
-            return []
         return [*super().remarks(), *(said for search in self.particles for said in search.remarks())]
 
     def note(self, row: NDArray[np.float64]) -> None:
