@@ -73,6 +73,7 @@ class Campaign:
     def __init__(self, store: Store) -> None:
         self._store = store
         self.folder = store.folder
+        self._block: tuple[tuple[Path, int, int], Trajectory] | None = None  # that was read last
 
     @property
     def progress(self) -> Progress:
@@ -191,7 +192,27 @@ class Campaign:
         member : its name, or its number. Raises UnknownNameError for an unknown name; ArchiveError if its block is not
         done, failed, or has no samples; InputError for a number that there is not.
         """
+        return Trajectory.open(self._path(self._index(member)))
+
+    def __getitem__(self, member: str | int) -> Any:
+        """Return the trajectory of a member: of a particle its own, as run["Ceres"]; of a system the whole. Raises as
+        `run`.
+        """
+        if self._store.about["kind"] != "particles":
+            return self.run(member)
         k = self._index(member)
+        path = self._path(k)
+        status = path.stat()
+        key = path, status.st_ino, status.st_mtime_ns  # a file that is damaged is replaced
+        if self._block is None or self._block[0] != key:  # a block has many members
+            if self._block is not None:
+                self._block[1].close()
+                self._block = None
+            self._block = key, Trajectory.open(path)
+        return self._block[1][self.names[k]]
+
+    def _path(self, k: int) -> Path:
+        """Return the archive with a member. Raises ArchiveError if there is none."""
         block = k // int(self._store.about["block"])
         name = self.names[k]
         entry = self._store.entries().get(block)
@@ -205,16 +226,7 @@ class Campaign:
             kept = self._store.about["identity"]["trajectories"] == "kept"
             why = "it could not be integrated; see campaign.summary" if kept else "the campaign keeps no samples"
             raise ArchiveError(f"{name!r} has no trajectory: {why}.")
-        return Trajectory.open(path)
-
-    def __getitem__(self, member: str | int) -> Any:
-        """Return the trajectory of a member: of a particle its own, as run["Ceres"]; of a system the whole. Raises as
-        `run`.
-        """
-        run = self.run(member)
-        if self._store.about["kind"] != "particles":
-            return run
-        return run[self.names[self._index(member)]]
+        return path
 
     def __len__(self) -> int:
         return int(self._store.about["members"])

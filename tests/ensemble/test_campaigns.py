@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import threading
 import time
@@ -112,6 +113,27 @@ def test_the_table_has_what_the_runs_have(tmp_path):
             np.testing.assert_allclose(row["closest"].value, exact.value, rtol=3e-3)
     near = np.isfinite(table["closest"].value)
     assert set(table["closest_to"][near]) <= {"Jupiter", "Saturn"}
+
+
+def test_members_of_a_block_are_read_from_one_opened_file_until_it_is_replaced(tmp_path, monkeypatch):
+    campaign = ensemble.run(belt(6), tmp_path / "c", block=3, **OPTIONS)
+    opened = []
+
+    class Counted:
+        @staticmethod
+        def open(path):
+            opened.append(path)
+            return orbits.Trajectory.open(path)
+
+    monkeypatch.setattr("orbits.ensemble.campaign.Trajectory", Counted)
+    before = [campaign[name].q for name in campaign]
+    assert len(opened) == 2
+    again = opened[-1].with_suffix(".copy")
+    shutil.copyfile(opened[-1], again)
+    os.replace(again, opened[-1])
+    np.testing.assert_array_equal(campaign["p5"].q, before[5])
+    np.testing.assert_array_equal(campaign["p0"].q, before[0])
+    assert len(opened) == 4
 
 
 @pytest.mark.nightly
