@@ -32,7 +32,7 @@ unwritten = partial(aligned, made=np.empty)
 
 def zeros_on_demand(size: int) -> Array:
     """Return zeros, of which those that are never touched take no time, if they are many: memory of the system itself.
-    A block may end after a few of the thousands of steps for which it has room.
+    A block of steps that are chosen may end after a few of the thousands for which it has room.
     """
     if size < FEW:
         return np.zeros(size)

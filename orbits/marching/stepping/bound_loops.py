@@ -110,16 +110,18 @@ class BoundLoops:
         }
         if self._follower is not None:
             shapes |= self._follower.more_arrays(m)
-        (self._stages,) = unwritten((self.steps if m else 1, *shape))
-        carry = shapes["memory"] if m else (0, WIDTH)
-        self._scratch, self._begun, *arrays = aligned(form.scratch_shape(3 * n), carry, *shapes.values())
+        stages, begun = (self.steps if m else 1, *shape), shapes["memory"] if m else (0, WIDTH)
+        self._stages, *cleared = unwritten(stages, form.scratch_shape(3 * n), *shapes.values(), begun)
+        for array in cleared:
+            array[...] = 0.0
+        self._scratch, *arrays, self._begun = cleared
         self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=True))
         self.times = np.zeros(clock.room(self.steps, 4 * vector[0] + math.prod(shapes["memory"])))
         self._reads_path = self._follower is not None and self._follower.reads_path
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
         self._keeps = self._keeps_lows = False
-        self._lows = _NOTHING
+        self._lows, self._zeros = _NOTHING, zeros_on_demand if clock.changes else np.zeros
         self._record = _NOTHING, self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
@@ -174,7 +176,7 @@ class BoundLoops:
         kicks = self.kicks if of_march else self.kicks[:0]
         lows = self._lows[:0]
         if self._keeps_lows and path.size and state is self.state:
-            lows = self._lows = self._lows if len(self._lows) >= path.size else zeros_on_demand(path.size)
+            lows = self._lows = self._lows if len(self._lows) >= path.size else self._zeros(path.size)
         if self._reads_path:
             self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles

@@ -123,7 +123,7 @@ class Observers:
         passage_angle, least_eccentricity, pericentre_angle = limits
         self._parameters, self._stride = parameters, len(q)
         self.given = form.held(problem.parameters) == len(massive)
-        self._path = _NOTHING
+        self._path, self._zeros = _NOTHING, zeros_on_demand if problem.clock.changes else np.zeros
         self._massive, self._particles = massive, particles
         stops = problem.ends.stops
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
@@ -215,7 +215,7 @@ class Observers:
         """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
         size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
-            self._path = zeros_on_demand(size)
+            self._path = self._zeros(size)
             self.contexts.enter(path=self._path)
         return self._path
 
