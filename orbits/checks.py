@@ -79,6 +79,8 @@ def place_in(count: int, key: Any, known_as: str, kinds: str, expected: str) -> 
 
 def single_number(value: Any, what: str) -> float:
     """Return a scalar as float. Raises InputError, naming it, for arrays, texts, flags, units and complex numbers."""
+    if isinstance(value, float):  # the usual case, quickly
+        return float(value)
     try:
         if value is None or isinstance(value, NOT_NUMBERS) or np.iscomplexobj(value) or has_unit(value):
             raise TypeError

@@ -215,6 +215,8 @@ class UnitSystem:
         return self._value(x, u.dimensionless_unscaled, what, "number")
 
     def _value(self, x: Any, unit: u.UnitBase, what: str, kind: str) -> Floats:
+        if type(x) is float or (type(x) is np.ndarray and x.dtype == np.float64):  # the usual case, quickly
+            return np.asarray(x)
         if isinstance(x, np.ma.MaskedArray):
             raise InputError(f"{what} is a masked array; expected plain numbers, as masked values are undefined.")
         try:

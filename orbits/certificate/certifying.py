@@ -157,7 +157,7 @@ def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTran
         clock,
         forces=acting.forces,
     )
-    clock.check_bodies(marcher.problem.strength, values.q, values.v, system.names)
+    clock.check_bodies(marcher.problem.strength, values, system.names)
     q, v = values.q.ravel(), values.v.ravel()
     newton = lagrangian_of(system)
     transformed = bodies_in_transformed_time(values.gm, newton.energy(q, v), values.softening)

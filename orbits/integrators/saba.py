@@ -88,7 +88,7 @@ class SABA(Integrator):
         more = [f"encounters={self.encounters!r}"] if "encounters" in self.parameters() else []
         return f"SABA({', '.join([*map(str, self.orders), *more])})"
 
-    @property
+    @cached_property
     def in_encounters(self) -> Encounters:
         """What is done in encounters that the steps cannot follow."""
         return read(self.encounters)

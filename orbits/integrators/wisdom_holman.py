@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, ClassVar
 
 from orbits.checks import checked_flag, finite_number, has_unit, is_one_of, is_whole
@@ -202,7 +203,7 @@ class WisdomHolman(Integrator):
         """Where massless particles are retired."""
         return self.ejected_beyond, self.lost_within
 
-    @property
+    @cached_property
     def in_encounters(self) -> Encounters:
         """What is done in encounters that the steps cannot follow."""
         return read(self.encounters)

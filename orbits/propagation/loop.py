@@ -94,8 +94,7 @@ class Run(NamedTuple):
     def bar(self, label: str) -> Progress:
         """Return a bar that shows its progress."""
         unit, begun = self.system.units.time, (self.marcher.time, self.marcher.step)
-        steps = self.grid.whole_steps
-        return Progress(self.progress, label=label, total=self.grid.end, unit=unit, steps=steps, begun=begun)
+        return Progress(self.progress, label=label, total=self.grid.end, unit=unit, begun=begun)
 
 
 def march(run: Run) -> Trajectory:
@@ -186,7 +185,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     elif not grid.clock.changes:
         trajectory._record = marcher.current.record(observed_until(trajectory))
     elif trajectory._place is None:  # in memory, or its archive is no longer there
-        trajectory._ended = marcher.current.problem.approaches, marcher.current.checkpoint()
+        trajectory._ended = marcher.current.problem.approaches, marcher.current.checkpoint_at_end()
     yield None
     try:
         with StopRequest() as late:

@@ -93,8 +93,8 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
     if archive is None:
         if certificate is not None and certificate is not False:
             raise InputError("certificate is stored in an archive: give archive= too, or call orbits.certify")
-        in_memory = Run(system, integrator, marcher, grid, 0, lambda: None, how.progress, watch, accounts, steps)
-        return in_memory._replace(heartbeat=how.heartbeat)
+        known = how.progress, watch, accounts, steps
+        return Run(system, integrator, marcher, grid, 0, lambda: None, *known, heartbeat=how.heartbeat)
     from orbits.archive import ArchiveWriter
     from orbits.certificate import Certificate, certify
     from orbits.propagation.events.archived import description_of
@@ -122,8 +122,8 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             overwrite=how.overwrite,
         )
 
-    run = Run(system, integrator, marcher, grid, 0, begin, how.progress, watch, accounts, steps)
-    return run._replace(heartbeat=how.heartbeat)
+    known = how.progress, watch, accounts, steps
+    return Run(system, integrator, marcher, grid, 0, begin, *known, heartbeat=how.heartbeat)
 
 
 def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = True) -> Run | Trajectory:
@@ -165,5 +165,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
 
     before = last_sample(old, old.committed)
     watch = RunEnds(system, marcher, Conditions(()), None, True, seeking, before, how.wall_time)
-    rest = Run(system, integrator, marcher, grid, old.committed, begin, how.progress, watch, accounts, steps)
-    return rest._replace(release=old.close, heartbeat=how.heartbeat)
+    known = how.progress, watch, accounts, steps
+    return Run(
+        system, integrator, marcher, grid, old.committed, begin, *known, release=old.close, heartbeat=how.heartbeat
+    )

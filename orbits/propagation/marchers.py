@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from itertools import compress
 from os import PathLike
 from typing import Any
 
@@ -99,9 +98,7 @@ def bound(
     if state is None:  # a march from a state of a run must not be refused where the run itself was not
         for term in system.terms:
             term.check_start(system)
-        massive = system.massive
-        names = list(compress(system.names, massive))
-        marcher.clock.check_bodies(marcher.problem.strength, bodies.q[massive], bodies.v[massive], names)
+        marcher.clock.check_bodies(marcher.problem.strength, bodies, system.names)
     return marcher
 
 

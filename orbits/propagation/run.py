@@ -192,6 +192,7 @@ def propagate(
         return TimeGrid.of(one, dt, duration=duration, until=until, samples=samples)
 
     how = RunOptions(
+        archive=cast("Path | None", archive if isinstance(system, System) else None),
         overwrite=checked_flag(overwrite, "overwrite"),
         certificate=certificate,
         stop=stop,
@@ -206,7 +207,6 @@ def propagate(
         wall_time=deadline,
     )
     if isinstance(system, System):
-        how = how._replace(archive=cast("Path | None", archive))
         run = march(begun(system, given or default_method(system), grid_of(system), how))
         return _completed(run, dense, estimated, threads)
     several = systems_of(system)

@@ -63,7 +63,8 @@ class RunEnds:
             event = self.events.asked.of[int(row[NUMBER])]
             self.note(float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
             return True
-        found = self.conditions.exceeded() if marcher.current.last.met == ENERGY else None
+        watched = self.conditions.energy < np.inf
+        found = self.conditions.exceeded() if watched and marcher.current.last.met == ENERGY else None
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is None and self.deadline is not None and self.deadline.over:
             found = self.deadline.words, WallTimeOver(self.deadline.seconds)
@@ -112,6 +113,8 @@ class RunEnds:
 
     def after(self) -> Found | None:
         """Take the block that was just marched; return the first event in it that interrupts the run, if any."""
+        if not self.events.events:
+            return None
         if self.events.touching:
             return cast("Found | None", self.marcher.found)  # it seeks them itself, from collision to collision
         return self.events.after(self.marcher.current)

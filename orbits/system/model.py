@@ -343,7 +343,7 @@ def axis(system: System) -> tuple[float, float, float] | None:
 
 def most_inner(system: System) -> int:
     """Return the largest number of internal variables of a force."""
-    return max((force.variables for force in system.forces), default=0)
+    return max(force.variables for force in system.forces) if system.forces else 0
 
 
 def continued(system: System, accounts: Array, names: Sequence[str] | None = None) -> System:

@@ -94,8 +94,10 @@ def fastest_passage_of(system: State, span: float) -> tuple[int, int, float, flo
     """
     from orbits.kernels.search.fastest_passage import fastest_passage
 
-    values, names = system.values, {name for term in system.terms for name in term.gives_bodies}
-    given = np.array([name in names for name in system.names], dtype=np.bool_)
+    values, given = system.values, np.zeros(len(system.names), dtype=np.bool_)
+    if system.terms:
+        names = {name for term in system.terms for name in term.gives_bodies}
+        given[:] = [name in names for name in system.names]
     found: tuple[int, int, float, float, float, float] = fastest_passage(
         values.gm, values.softening, values.q, values.v, (values.gm > 0.0).nonzero()[0], given, span
     )

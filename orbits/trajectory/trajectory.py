@@ -124,7 +124,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         self._stopped = stopped
         self.archive: Archive | None = None
         self._record: Record | None = None  # of close passages, or what it is made of when it is asked for:
-        self._ended: tuple[bool, Mapping[str, NDArray[Any]]] | None = None
+        self._ended: tuple[bool, Callable[[], Mapping[str, NDArray[Any]]]] | None = None
         self._passages: Any = None
         self.error_bars: ErrorBars | None = None
         self._again = self._marched_again_by if again is None else again

@@ -201,7 +201,9 @@ class Contexts:
 
     def __init__(self, count: int) -> None:
         self._words = np.zeros((count, WORDS), dtype=np.int64)
-        self._numbers = self._words.view(np.float64)
+        # Single words are written through views of bytes, in a fraction of the time of an array.
+        whole, self._starts = self._words.data.cast("B"), range(0, count * WORDS, WORDS)
+        self._integers, self._numbers = whole.cast("q"), whole.cast("d")
         self._kept: dict[str, Any] = {}
         self._own: list[tuple[NDArray[np.int64], Any, tuple[int, ...]]] = []  # the places and words of `follow`
         first = self._words.__array_interface__["data"][0]
@@ -214,17 +216,22 @@ class Contexts:
     def enter(self, **values: Any) -> None:
         """Enter values into all contexts. Raises TypeError for an array of the wrong kind."""
         for name, value in values.items():
-            place = _PLACES[name]
+            place = _FIRST[name]
             if name not in _ARRAYS:
-                (self._numbers if _KINDS[name] is types.float64 else self._words)[:, place] = value
+                cells = self._numbers if _KINDS[name] is types.float64 else self._integers
+                for start in self._starts:
+                    cells[start + place] = value
             elif self._kept.get(name) is not value:
-                self._words[:, place] = _described(name, value)
+                for k, word in enumerate(_described(name, value), place):
+                    for start in self._starts:
+                        self._integers[start + k] = word
                 self._kept[name] = value
 
     def enter_each(self, name: str, arrays: Sequence[NDArray[Any]]) -> None:
         """Enter a separate array into each context."""
-        for row, array in zip(self._words, arrays, strict=True):
-            row[_PLACES[name]] = _described(name, array)
+        for start, array in zip(self._starts, arrays, strict=True):
+            for k, word in enumerate(_described(name, array), start + _FIRST[name]):
+                self._integers[k] = word
         self._kept[name] = list(arrays)
 
     def follow(self, others: Contexts, own: Sequence[Mapping[str, NDArray[Any]]]) -> None:

@@ -237,7 +237,8 @@ class Adaptive(ChangingSteps):
 
     def numbers_for(self, integrator: Any) -> Array:
         """Return the state of the clock at the start of a march by a method whose steps it can choose."""
-        numbers = np.append(super().numbers_for(integrator), 0.0)
+        numbers = np.zeros(NUMBERS + 1)
+        numbers[:NUMBERS] = super().numbers_for(integrator)
         numbers[THETA], numbers[TOLERANCE] = FIRST_THETA, self.tolerance_for(integrator)
         numbers[POWER] = 1.0 / (integrator.stages - 1)
         return numbers

@@ -25,6 +25,7 @@ from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import NOT_CONVERGED
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.step_times import Behind, Place, Places, StepTimes, Way
+from orbits.point_masses import PointMasses
 
 STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
@@ -112,10 +113,10 @@ class Clock:
         """
         raise InputError(f"the steps of {type(self).__name__} have no finer ones, with which a run could be compared.")
 
-    def check_bodies(self, strength: Array, q: Array, v: Array, names: Sequence[str]) -> None:
+    def check_bodies(self, strength: Array, bodies: PointMasses, names: Sequence[str]) -> None:
         """Raise InputError for massive bodies at the start of a run for which this clock is unsuitable.
 
-        strength : (1 + n,), see `orbits.kernels.gravity.pair_sums`; q, v : (n, 3); names : (n,)
+        strength : of these, see `orbits.kernels.gravity.pair_sums`; bodies, names : all, with massless ones
         """
 
     def step_times(self, start: float) -> StepTimes:

@@ -45,6 +45,7 @@ from orbits.marching.clocks.variable_steps import (
     put_back,
     step_of,
 )
+from orbits.point_masses import PointMasses
 
 STEP = 3
 """The own number of this clock: the step of tau, with the sign of the direction."""
@@ -176,11 +177,13 @@ class TimeTransformed(ChangingSteps):
         """Return what tells a leg when its steps are."""
         return TransformedTimes(self, start)
 
-    def check_bodies(self, strength: Array, q: Array, v: Array, names: Sequence[str]) -> None:
+    def check_bodies(self, strength: Array, bodies: PointMasses, names: Sequence[str]) -> None:
         """Raise InputError for massive bodies that are too light, or too few.
 
-        strength : (1 + n,), see `orbits.kernels.gravity.pair_sums`; q, v : (n, 3); names : (n,)
+        strength : of these, see `orbits.kernels.gravity.pair_sums`; bodies, names : all, with massless ones
         """
+        massive = np.flatnonzero(bodies.massive)
+        q, v = bodies.q[massive], bodies.v[massive]
         if len(q) < 2:
             raise InputError(
                 f"transformed time is counted in dynamical times of pairs of massive bodies; this system has {len(q)}. "
@@ -190,9 +193,9 @@ class TimeTransformed(ChangingSteps):
         worst = int(np.argmax(amplified))
         if not amplified[worst] <= MOST_AMPLIFIED:
             raise InputError(
-                f"{names[worst]} is too light for transformed time: rounding errors of the energy of the whole system, "
-                f"divided by its mass, would act on it with {amplified[worst]:,.0f} times those of its own force (at "
-                f"most {MOST_AMPLIFIED:g} are accepted). Leave dt out: steps are then chosen one by one."
+                f"{names[massive[worst]]} is too light for transformed time: rounding errors of the energy of the "
+                f"whole system, divided by its mass, would act on it with {amplified[worst]:,.0f} times those of its "
+                f"own force (at most {MOST_AMPLIFIED:g} are accepted). Leave dt out: steps are then chosen one by one."
             )
 
     def numbers_for(self, integrator: Any) -> Array:

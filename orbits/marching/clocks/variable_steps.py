@@ -113,8 +113,11 @@ class ChangingSteps(Clock):
 
     def towards(self, direction: float) -> Self:
         """Return this clock for a run in a direction, 1 or -1."""
+        sign = math.copysign(1.0, direction)
+        if sign == self.direction:
+            return self
         clock: Self = replace(self)  # type: ignore[type-var]
-        object.__setattr__(clock, "direction", math.copysign(1.0, direction))
+        object.__setattr__(clock, "direction", sign)
         return clock
 
     def numbers_for(self, integrator: Any) -> Array:

@@ -15,7 +15,7 @@ from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower
 from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, COLUMNS, OwnStepping, Shared
 from orbits.marching.following.own_steps_log import BESIDES, Log
-from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.alignment import aligned, unwritten
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.leg_observers import Observers
 
@@ -31,12 +31,10 @@ class OwnMemory:
     def __init__(self, form: Form, coefficients: Array, n: int, steps: int) -> None:
         assert isinstance(form, Collocation | CanonicalBodies)
         entries, rows, stride = steps + BESIDES, form.stages_shape(3 * n)[0], padded(3 * n)
-        self._table, modes, room, shared = aligned(
-            coefficients.shape,
-            (steps, 3 * n, 2 * WIDTH),
-            (PLACES + rows + 3 * stride, WIDTH),
-            (steps, *coefficients.shape[1:]),
+        modes, self._table, shared = unwritten(
+            (steps, 3 * n, 2 * WIDTH), coefficients.shape, (steps, *coefficients.shape[1:])
         )
+        (room,) = aligned((PLACES + rows + 3 * stride, WIDTH))
         self._table[...], shared[...] = coefficients, coefficients
         self._shared = Shared(shared, np.zeros(steps), np.full((steps + 1, 6, padded(n)), ABSENT))
         self._field = chart(form.tableau), modes, np.zeros(steps, dtype=np.bool_), room

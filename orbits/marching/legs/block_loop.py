@@ -4,6 +4,7 @@ what watchers found, and committed.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 from weakref import proxy
 
@@ -19,6 +20,13 @@ if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
 
 _NOTHING = np.zeros(0)
+
+
+@lru_cache(maxsize=64)
+def _having_hooks(*kinds: type[LegWatcher]) -> list[list[int]]:
+    """Return for each hook the places of the watchers of these kinds that have it."""
+    hooks = ("most", "forget", "see", "look", "commit")
+    return [[k for k, kind in enumerate(kinds) if getattr(kind, x) is not getattr(LegWatcher, x)] for x in hooks]
 
 
 class BlockLoop:
@@ -37,8 +45,7 @@ class BlockLoop:
         self._leg: Leg = proxy(leg)
         self.watchers = watchers
         self._limiting, self._forgetting, self._seeing, self._looking, self._committing = (
-            [watcher for watcher in watchers if getattr(type(watcher), hook) is not getattr(LegWatcher, hook)]
-            for hook in ("most", "forget", "see", "look", "commit")
+            [watchers[k] for k in having] for having in _having_hooks(*map(type, watchers))
         )
         self.listeners: list[LegWatcher] = []
         self.begun: State = {}

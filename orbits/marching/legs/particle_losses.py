@@ -246,7 +246,7 @@ class ParticleLosses(LegWatcher):
     def listed(self, leg: Leg) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies."""
         problem, state = leg.problem, leg.stepper.state
-        if (self.retired.table()[:, 0] == OK).all():
+        if not len(problem.particles) or (self.retired.table()[:, 0] == OK).all():
             return []
         names = [problem.name(body) for body in problem.bodies.tolist()]
         places = leg.way.places(state)

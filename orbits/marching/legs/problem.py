@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -59,6 +59,11 @@ class Problem:
     underway : whether it begins in a state of a run that is over, which decided which particles are retired before
         encounters: here they are not, and may be in one
     approaches : whether closest approaches are looked for; passages that the steps may not resolve are in any case
+
+    bodies, particles : the numbers of the massive bodies, in the order of the kernels, and of the massless particles
+        among all, (massive,) and (particles,)
+    strength : Newton's vector: the square of the softening, then GM of the massive bodies
+    gm : GM of the massive bodies, then zeros of the particles, (n,)
     """
 
     lagrangian: Lagrangian
@@ -76,36 +81,29 @@ class Problem:
     surfaces: Array | None = None
     underway: bool = False
     approaches: bool = True
+    bodies: NDArray[np.intp] = field(init=False)
+    particles: NDArray[np.intp] = field(init=False)
+    strength: Array = field(init=False)
+    gm: Array = field(init=False)
 
     def __post_init__(self) -> None:
         self.clock.check(self.integrator)
+        massive = np.asarray(self.massive)
+        bodies, particles = massive.nonzero()[0], (~massive).nonzero()[0]
+        first = self.parameters[0] if isinstance(self.parameters, tuple) else self.parameters
+        strength = np.ascontiguousarray(first)
+        gm = strength[1 : 1 + len(bodies)]
+        if len(particles):
+            gm = np.concatenate([gm, np.zeros(len(particles))])
+        # Not cached properties: all of it is asked of each problem, and their locks take longer.
+        for name, value in (("bodies", bodies), ("particles", particles), ("strength", strength), ("gm", gm)):
+            object.__setattr__(self, name, value)
 
     def but(self, **changes: Any) -> Problem:
         """Return the problem with some fields changed."""
         return replace(self, **changes)
 
-    @cached_property
-    def bodies(self) -> NDArray[np.intp]:
-        """The numbers of the massive bodies among all, (massive,), in the order of the kernels."""
-        return np.asarray(self.massive).nonzero()[0]
-
-    @cached_property
-    def particles(self) -> NDArray[np.intp]:
-        """The numbers of the massless particles among all, (particles,)."""
-        return (~np.asarray(self.massive)).nonzero()[0]
-
-    @cached_property
-    def strength(self) -> Array:
-        """Newton's vector: the square of the softening, then GM of the massive bodies."""
-        first = self.parameters[0] if isinstance(self.parameters, tuple) else self.parameters
-        return np.ascontiguousarray(first)
-
-    @cached_property
-    def gm(self) -> Array:
-        """GM of the massive bodies, then zeros of the particles, (n,)."""
-        return np.concatenate([self.strength[1 : 1 + len(self.bodies)], np.zeros(len(self.particles))])
-
-    @cached_property
+    @property
     def surfaces_of_bodies(self) -> Array | None:
         """Radii of the massive bodies on which particles that take steps of their own may fall, (massive,), or None."""
         chosen = self.clock.lets_particles_choose and self.retire

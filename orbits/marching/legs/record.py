@@ -38,11 +38,13 @@ def approaches(leg: Leg) -> Array:
     `orbits.kernels.search.record`.
     """
     retired, state = leg.losses.retired, leg.stepper.state
-    retired.begin()
-    q = state["particle_q"].copy()
-    q[:, : len(leg.problem.particles)][:, retired.gone()] = np.nan
-    known, track, seen = state["approaches"], leg.stepper.loops.tracks[0], {**state, "particle_q": q}
-    return leg.observers.approaches(known, leg.step, leg.times.origin_now, track, seen)
+    if len(leg.problem.particles):
+        retired.begin()
+        q = state["particle_q"].copy()
+        q[:, : len(leg.problem.particles)][:, retired.gone()] = np.nan
+        state = {**state, "particle_q": q}
+    track = leg.stepper.loops.tracks[0]
+    return leg.observers.approaches(state["approaches"], leg.step, leg.times.origin_now, track, state)
 
 
 def seen_by(leg: Leg, *, noting_end: bool = True) -> Record:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from orbits.marching.watching.leg_observers import Observers
 
 State = dict[str, Array]
-_NOTHING = np.zeros(0)
 
 
 class Stepper:
@@ -48,7 +47,8 @@ class Stepper:
         self.loops = BoundLoops(self.form, *acting, problem.clock, n, m, threads, problem.dense, followed)
         self.loops.begin(q, v, problem.bodies, problem.particles)
         self.state: State = self.loops.state
-        self.form.set_inner(self.state, np.concatenate([_NOTHING, *(force.inner for force in problem.forces)]))
+        if problem.forces:
+            self.form.set_inner(self.state, np.concatenate([force.inner for force in problem.forces]))
         self.form.check_start(problem.parameters, q[problem.bodies], v[problem.bodies])
         self.loops.enter(self.state, problem.clock)
         alone = n == 1 and bool(m or problem.forces)
@@ -157,7 +157,8 @@ class Stepper:
 
     def gather(self, state: Mapping[str, Array], gone: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller; NaN for particles that are `gone`, (m,)."""
-        return tuple(self.in_order(state[x], state[f"particle_{x}"], gone) for x in "qv")  # type: ignore[return-value]
+        q = self.in_order(state["q"], state["particle_q"], gone)
+        return q, self.in_order(state["v"], state["particle_v"], gone)
 
     def in_order(self, bodies: Array, particles: Array, gone: NDArray[np.bool_]) -> Array:
         """Combine vectors of the massive bodies and of the particles into (n, 3), in the order of the caller."""

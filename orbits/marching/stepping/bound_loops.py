@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from operator import is_
 from typing import Any
 
@@ -18,7 +19,7 @@ from orbits.marching.following.contract import Block, Followers
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
 from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.stepping import driver
-from orbits.marching.stepping.alignment import aligned
+from orbits.marching.stepping.alignment import aligned, unwritten, zeros_on_demand
 from orbits.marching.stepping.parallel import Parallel, shares
 from orbits.marching.stepping.pool import Helpers, Pool
 from orbits.marching.watching.leg_observers import Observers
@@ -37,6 +38,8 @@ LEAST_BLOCK = 16
 KEPT = 1024
 """The most steps of a block after each of which the carry is recorded, for samples within them: they stay in the cache.
 """
+
+_NOTHING = np.zeros(0)
 
 BLOCK_WORK = 20_000_000
 """The pairs times steps per kernel call: a fraction of a second, after which signals are handled."""
@@ -107,25 +110,25 @@ class BoundLoops:
         }
         if self._follower is not None:
             shapes |= self._follower.more_arrays(m)
-        self._stages, self._scratch, *arrays = aligned(
-            (self.steps if m else 1, *shape), form.scratch_shape(3 * n), *shapes.values()
-        )
+        stages, begun = (self.steps if m else 1, *shape), shapes["memory"] if m else (0, WIDTH)
+        self._stages, *cleared = unwritten(stages, form.scratch_shape(3 * n), *shapes.values(), begun)
+        for array in cleared:
+            array[...] = 0.0
+        self._scratch, *arrays, self._begun = cleared
         self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=True))
-        changed = ("q", "q_lo", "v", "v_lo", "memory")
-        self.times = np.zeros(clock.room(self.steps, sum(self.state[name].size for name in changed)))
+        self.times = np.zeros(clock.room(self.steps, 4 * vector[0] + math.prod(shapes["memory"])))
         self._reads_path = self._follower is not None and self._follower.reads_path
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
         self._keeps = self._keeps_lows = False
-        self._lows = np.zeros(0)
-        self._begun = aligned(self.state["memory"].shape)[0]
-        self._record = np.zeros(0), self.kicks  # the path and kicks of the block marched last
+        self._lows, self._zeros = _NOTHING, zeros_on_demand if clock.changes else np.zeros
+        self._record = _NOTHING, self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
-        self._now, self._count = np.zeros(0), np.zeros(1, dtype=np.int64)
+        self._now, self._count = _NOTHING, np.zeros(1, dtype=np.int64)
         # What the records for particles were made of, and these: of the march itself, and of copies, not observed.
         self._bound_to: dict[bool, tuple[Any, Any]] = dict.fromkeys((False, True), ([None] * 7, None))
-        self.tasks = range(self._helpers.members if self._follower is not None else 0)
+        self.tasks = range(self._helpers.members if m else 0)
         self.tracks = [np.zeros((0, WIDTH))] if self._follower is None else [self._follower.track]
 
     @property
@@ -173,7 +176,7 @@ class BoundLoops:
         kicks = self.kicks if of_march else self.kicks[:0]
         lows = self._lows[:0]
         if self._keeps_lows and path.size and state is self.state:
-            lows = self._lows = self._lows if len(self._lows) >= path.size else np.zeros(path.size)
+            lows = self._lows = self._lows if len(self._lows) >= path.size else self._zeros(path.size)
         if self._reads_path:
             self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles
@@ -218,6 +221,8 @@ class BoundLoops:
         some: NDArray[np.intp] | None = None,
     ) -> None:
         """Call `enter_march_of_particles` or `leave_march_of_particles` for all particles, in threads, or for some."""
+        if not self._shares:
+            return
         bound = self.bound(clock, self.times)
         bodies = State(*(state[name] for name in ("q", "q_lo", "v", "v_lo")))
         columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))

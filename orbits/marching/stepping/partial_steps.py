@@ -31,11 +31,13 @@ class PartialSteps:
         self.size = 3 * n
         self._stretches = "stretch" in form.own_kernels()
         self.unit = coefficients_of(form, 1.0)
-        self._own = form.coefficients(1.0, 1.0) if self._stretches else self.unit
-        shapes = (form.carry_rows(self.size), WIDTH), form.scratch_shape(self.size), form.stages_shape(self.size)
+        self._own = self.unit
+        if self._stretches:  # written anew for each step
+            self._own = self.unit.copy() if isinstance(self.unit, np.ndarray) else form.coefficients(1.0, 1.0)
+        own = (form.carry_rows(self.size), WIDTH), form.scratch_shape(self.size), form.stages_shape(self.size)
         self.weights: dict[bytes, tuple[Array, Array]] = {}
-        self._state = State(*aligned(*[(padded(self.size),)] * 4))
-        carry, scratch, stages = aligned(*shapes)
+        *state, carry, scratch, stages = aligned(*[(padded(self.size),)] * 4, *own)
+        self._state = State(*state)
         self._storage = Storage(carry, scratch, stages, Share(0, self.size, None))
 
     def take(

@@ -23,6 +23,7 @@ from orbits.kernels.search.observers import ENTER, SEARCH, observe, observer_add
 from orbits.kernels.search.record import QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
 from orbits.marching.clocks.constant import Clock
+from orbits.marching.stepping.alignment import zeros_on_demand
 from orbits.marching.watching import kepler_passages
 from orbits.marching.watching.kepler_passages import HILL_RADII
 from orbits.marching.watching.passage_list import BlockList
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from orbits.marching.stepping.parallel import Parallel
 
 
+@lru_cache(maxsize=64)
 def thresholds(order: int) -> tuple[float, float, float]:
     """Return the limits that `orbits.kernels.search.context` calls `passage_angle`, `least_eccentricity` and
     `pericentre_angle`, for a method of this order.
@@ -72,7 +74,6 @@ def limits_of(integrator: Integrator, clock: Clock, sees_dominant: bool) -> tupl
     return clock.passage_limits or thresholds(integrator.order)
 
 
-@lru_cache(maxsize=64)
 def _least_eccentricity(order: int) -> float:
     """Return the eccentricity at which (speed / distance)^order at the pericentre is `USUAL` times that of the circle
     with the same period.
@@ -122,9 +123,8 @@ class Observers:
         passage_angle, least_eccentricity, pericentre_angle = limits
         self._parameters, self._stride = parameters, len(q)
         self.given = form.held(problem.parameters) == len(massive)
-        self._path = np.empty(0)
+        self._path, self._zeros = _NOTHING, zeros_on_demand if problem.clock.changes else np.zeros
         self._massive, self._particles = massive, particles
-        self._rows = np.concatenate([massive, particles])
         stops = problem.ends.stops
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
@@ -172,6 +172,11 @@ class Observers:
         self.records_all = self.sees_path = bool(observed) or not form.notes_nearest(3 * len(massive))
 
     @cached_property
+    def _rows(self) -> NDArray[np.intp]:
+        """The numbers of the bodies in the order of the kernels."""
+        return np.concatenate([self._massive, self._particles])
+
+    @cached_property
     def own_steps(self) -> Contexts:
         """The contexts of tasks for particles that take steps of their own."""
         return Contexts(len(self._listed) - 1)
@@ -210,7 +215,7 @@ class Observers:
         """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
         size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
-            self._path = np.zeros(size)
+            self._path = self._zeros(size)
             self.contexts.enter(path=self._path)
         return self._path
 
@@ -358,7 +363,7 @@ class Observers:
             place, velocity = (x - x[:, dominant : dominant + 1] for x in (q, v))
             apocentre = apsides_of(place.T, velocity.T, gm[dominant] + gm).largest
             farthest = np.where(apocentre < OPEN, np.maximum(distance, apocentre), distance)
-            others = np.sort(np.delete(gm, dominant))[::-1]
+            others = np.sort(gm)[-2::-1]
             if len(others) > 1:
                 masses = gm + np.where(gm == others[0], others[1], others[0])
         hill = farthest * np.cbrt(masses / (3.0 * gm[dominant]))
@@ -367,5 +372,5 @@ class Observers:
         return annuli
 
 
-_NO_STOPS = np.zeros((0, 4))
+_NOTHING, _NO_STOPS = np.zeros(0), np.zeros((0, 4))
 _NO_TRACK = np.zeros((0, WIDTH))

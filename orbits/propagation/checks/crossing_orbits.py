@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -14,8 +15,9 @@ from orbits.propagation.checks.step_check import in_digits
 from orbits.system.derived import derived
 
 if TYPE_CHECKING:
-    from orbits.integrators.forms import Array
     from orbits.system import System
+
+Array = NDArray[np.float64]
 
 
 ROUNDING = 1e-12
@@ -50,12 +52,12 @@ def orbits_of_planets(system: System) -> Orbits:
     rows = system.massive.nonzero()[0]
     rows = rows[rows != sun]
     q, v, mu = values.q[rows] - values.q[sun], values.v[rows] - values.v[sun], values.gm[rows] + values.gm[sun]
-    r, spin = np.linalg.norm(q, axis=1)[:, None], np.cross(q, v)
-    to_pericentre = np.cross(v, spin) / mu[:, None] - q / r
+    r, spin = np.linalg.norm(q, axis=1)[:, None], _cross(q, v)
+    to_pericentre = _cross(v, spin) / mu[:, None] - q / r
     e = np.linalg.norm(to_pericentre, axis=1)
     round_ = e[:, None] <= 1e-12
     along = np.where(round_, q / r, to_pericentre) / np.where(round_, 1.0, e[:, None])
-    plane = np.cross(spin, along)
+    plane = _cross(spin, along)
     size = np.linalg.norm(plane, axis=1)[:, None]
     across = plane / np.where(size > 0.0, size, 1.0)
     return Orbits(rows, q, v, mu, (spin**2).sum(axis=1) / mu / (1.0 + e), e, along, across)
@@ -67,7 +69,7 @@ def close_pairs(system: System) -> tuple[list[str], int]:
     """
     orbits = derived(system, orbits_of_planets)
     values, units, sun = system.values, system.units, int(system.values.gm.argmax())
-    first, second = np.triu_indices(len(orbits.row), 1)
+    first, second = _pairs(len(orbits.row), 1)
     one, other = orbits.row[first], orbits.row[second]
     gm, dominant = values.gm[one] + values.gm[other], float(values.gm[sun])
     apart = np.linalg.norm(values.q[one] - values.q[other], axis=1)
@@ -77,6 +79,8 @@ def close_pairs(system: System) -> tuple[list[str], int]:
     share = HILL_RADII * np.cbrt(gm[bound] / (3.0 * dominant))
     crossing[bound] = come_within(orbits.conics(first[bound]), orbits.conics(second[bound]), share)
     found = np.flatnonzero(close | crossing)
+    if not len(found):
+        return [], 0
     shown = found[:SHOWN]
     passing = shown[crossing[shown]]
     inner, outer = orbits.conics(first[passing]), orbits.conics(second[passing])
@@ -91,3 +95,12 @@ def close_pairs(system: System) -> tuple[list[str], int]:
         else:
             texts.append(f"{names} are {in_digits(float(apart[k]), units.length)} apart, {within}")
     return texts, len(found)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the vector products of rows, (n, 3), in a fraction of NumPy's time for a few."""
+    return np.asarray(a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]])
+
+
+_pairs = lru_cache(maxsize=16)(np.triu_indices)
+"""The numbers of both bodies of all pairs of so many, which nobody writes."""

@@ -38,7 +38,7 @@ def default_method(*systems: System) -> Integrator:
 
 def is_rigid(system: System) -> bool:
     """Return whether a system has rigid bodies."""
-    return any(force.kind == RIGID for force in system.forces)
+    return bool(system.forces) and any(force.kind == RIGID for force in system.forces)
 
 
 def check_rigid(system: System, grid: TimeGrid) -> None:

@@ -26,7 +26,7 @@ class Progress:
     """Shows the progress of a run.
 
     wanted : True or None for a bar on terminals and in notebooks; False for none
-    steps : the steps of the whole run, if they are known; begun : the time and the steps from which it is marched here
+    steps : of the whole run, for an `update` without them; begun : the time and the steps from which it is marched here
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Progress:
         label: str,
         total: float,
         unit: Any,
-        steps: int,
+        steps: int = 0,
         begun: tuple[float, int] = (0.0, 0),
     ) -> None:
         self._make = kind_of_bar(wanted)

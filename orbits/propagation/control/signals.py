@@ -25,8 +25,9 @@ class StopRequest:
     def __enter__(self) -> StopRequest:
         if threading.current_thread() is threading.main_thread():
             # A handler that was not installed from Python reads as None, and could not be restored.
-            caught = [number for number in CAUGHT if _signal.getsignal(number) not in (None, _signal.SIG_IGN)]
-            self._before = {number: _signal.signal(number, self._note) for number in caught}
+            for number in CAUGHT:
+                if _signal.getsignal(number) not in (None, _signal.SIG_IGN):
+                    self._before[number] = _signal.signal(number, self._note)
         return self
 
     def __exit__(

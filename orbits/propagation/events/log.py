@@ -28,7 +28,7 @@ class Log:
 
     def __init__(self, direction: float) -> None:
         self._direction = direction
-        self._rows: Array = np.empty((64, COLUMNS))
+        self._rows: Array = np.empty((0, COLUMNS))
         self._count = self.firm = 0
         self._last = -np.inf
         self.broken = False
@@ -73,7 +73,7 @@ class Log:
     def add(self, row: Array, firm: bool) -> None:
         """Add a row, for which there must be room, in the order of time."""
         if self._count == len(self._rows):
-            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)])
+            self._rows = np.concatenate([self._rows, np.empty((max(64, self._count), COLUMNS))])
         place = self._count
         while place and (self._rows[place - 1, TIME] - row[TIME]) * self._direction > 0.0:
             place -= 1

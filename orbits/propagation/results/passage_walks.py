@@ -47,9 +47,10 @@ class Walk:
             self._begun = self.step = time
         elif rest != 0.0:
             at = self._clock.time(step)
-            state = self.marcher.home.state_after(-rest)
+            home, names = self.marcher.home, [system.names[i] for i in self.bodies]
+            state = home.state_after(-rest)
             if most_inner(system):
-                self._system = continued(self._system, self.marcher.home.accounts(), [system.names[i] for i in self.bodies])
+                self._system = continued(self._system, home.accounts(), names)
             self.marcher = self._bound(*state, at)
         self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 

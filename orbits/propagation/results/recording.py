@@ -28,7 +28,8 @@ def _recorded(run: Trajectory) -> Record:
     archive = run.archive
     if archive is None:
         assert run._ended is not None
-        path, (approaches, checkpoint) = "this run", run._ended
+        path, (approaches, known) = "this run", run._ended
+        checkpoint = known()
     else:
         path, approaches, checkpoint = str(archive.path), archive.approaches, archive.checkpoint()
     marcher = bound(run.system, run.integrator, run.clock, threads=1, approaches=approaches)

@@ -54,10 +54,11 @@ class MotionSearch:
     def __init__(self, asked: Asked, numbers: list[int], subjects: tuple[int, ...]) -> None:
         self.asked, self.subjects, self._direction = asked, subjects, asked.direction
         self._numbers, self._bounds, self._of = numbers, asked.bounds, asked.of
-        self._there = asked.system.massive.copy()
-        self._there[list(subjects)] = True
         self.interrupts = any(self._of[k].interrupts for k in numbers)
-        self._begin_leg()
+        if numbers:
+            self._there = asked.system.massive.copy()
+            self._there[list(subjects)] = True
+            self._begin_leg()
         self._first, self._since = True, -self._direction * np.inf
         self._remarks: dict[int, str] = {}
         self._longest = 0.0
@@ -152,7 +153,7 @@ class MotionSearch:
 
     def flush(self) -> None:
         """Seek events in all steps that were taken; call it before the list is stored."""
-        if len(self._collected):
+        if self and len(self._collected):
             self._seek(self._collected.emptied(), True)
 
     def along(self, motion: Motion, first: bool, since: float) -> Found | None:
@@ -213,9 +214,10 @@ class MotionSearch:
             order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
             failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if np.isfinite(self._since):
+            # A sample lies within the first step: what was before is known, and what is close to it may be.
             apart = SAME * float(abs(np.diff(times)).max())
-            later = (rows[order, TIME] - self._since) * self._direction > -apart
-            order = order[[is_later and not self.log.has(rows[k], apart) for k, is_later in zip(order, later, strict=True)]]
+            order = order[(rows[order, TIME] - self._since) * self._direction > -apart]
+            order = order[[not self.log.has(row, apart) for row in rows[order]]]
         if self.log.known:
             # The stretch to the end of a run may be far shorter than the step in which an event was found before.
             apart = max(SAME * float(abs(np.diff(times)).max()), ROUNDED * float(abs(times).max()))

@@ -148,8 +148,8 @@ class ParticleSearches:
         return all((way <= NOTHING * np.linalg.norm(q - at, axis=1)).all() for way, at in zip(ways, q, strict=True))
 
     def _motions(self, system: System, there: NDArray[np.bool_], time: float) -> Iterator[tuple[Motion, bool]]:
-        """Yield the motion from the beginning of the step with the last sample to a time, in stretches, and whether each
-        is the last one.
+        """Yield the motion to a time from the beginning of the step with the last sample, in stretches, and whether
+        each is the last one.
         """
         begun, q, v = self._last.time, self._last.q[there], self._last.v[there]
         integrator, clock = self._integrator, self._clock
