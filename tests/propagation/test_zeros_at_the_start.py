@@ -96,3 +96,11 @@ def test_a_year_from_the_pericentre_is_as_in_the_guide():
         system = orbits.System.from_elements(bodies, epoch="2026-01-01")
         run = orbits.propagate(system, duration=3.0 * u.yr, events=Pericentre("Earth", then="stop"))
         assert run.stopped.time.to_value(u.day) == pytest.approx(365.2563, abs=1e-4)
+
+
+def test_a_pericentre_at_the_start_does_not_count_however_soon_the_first_sample_is():
+    for angles in orientations(6):
+        for soon in (1e-16, 1e-11, 1e-3):
+            samples = [0.0, soon, 7.0]
+            run = orbits.propagate(ship(angles, 0.0), duration=7.0, samples=samples, events=Pericentre("ship"))
+            assert run.events.time.value.tolist() == pytest.approx([PERIOD], abs=1e-11)

@@ -53,7 +53,7 @@ def are_at_start(bound: Bound, zeros: Zeros, lengths: Array, t: Array, q: Array,
     lengths : of the steps; t, q, v : the states there
     """
     since = np.abs(t) / np.maximum(np.abs(lengths[zeros.steps]), np.finfo(np.float64).tiny)
-    found, near = since <= SAME, np.flatnonzero(since < 1.0)
+    found, near = since <= SAME, np.flatnonzero(since <= 1.0)
     if len(near):
         changes = (zeros.sizes / NEAR_BY * since)[near]
         found[near] |= _are_round_off(bound, changes, t[near], q[near], v[near], zeros.columns[near])
