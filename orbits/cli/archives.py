@@ -92,7 +92,7 @@ def plot(
 def info(file: File, as_json: Json = False) -> None:
     """Show the contents of an archive and the progress of its run.
 
-    Example: orbits info results/kepler/run.h5 --json
+    Example: orbits info results/solar_system/run.h5 --json
     """
     with guarded():
         from orbits.trajectory import Trajectory

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 ScenarioName = Annotated[str, typer.Argument(metavar="SCENARIO", help="Path of a file, or the name of a bundled one.")]
-File = Annotated[Path, typer.Argument(metavar="FILE", help="An archive, such as results/kepler/run.h5.")]
+File = Annotated[Path, typer.Argument(metavar="FILE", help="An archive, such as results/solar_system/run.h5.")]
 
 
 def show(file: Path, run: Any, as_json: bool) -> None:

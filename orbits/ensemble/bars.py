@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+from orbits.errors import counted
 from orbits.propagation.control.progress import PATIENCE, Notebook, Terminal, kind_of_bar
 
 
@@ -21,13 +22,14 @@ class Bar:
         self._bar: Terminal | Notebook | None = None
 
     def show(self, done: float, blocks: int, whole: int, busy: int, failed: int) -> None:
-        """Show how many members are done, of how many blocks, and how many blocks are being integrated or failed."""
+        """Show how many members are done, of how many blocks; how many blocks are at work, and members failed."""
         elapsed = time.perf_counter() - self._begun
         if self._make is None or elapsed < PATIENCE:
             return
         if self._bar is None:
             self._bar = self._make(self._label, self._before / self._members)
-        told = f"{blocks:,} / {whole:,} blocks, {busy} at work" + (f", {failed} failed" if failed else "")
+        lost = f", {counted(failed, 'member')} failed" if failed else ""
+        told = f"{blocks:,} / {whole:,} blocks, {busy} at work{lost}"
         speed = (done - self._before) / elapsed
         rate = f"{speed:,.0f} members/s" if speed >= 10 else f"{speed:.2g} members/s"
         self._bar.show(done / self._members, told, rate)

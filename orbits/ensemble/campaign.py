@@ -36,6 +36,7 @@ class Progress:
     """How far a campaign is: blocks and members that are done, failed, and of the whole.
 
     survivors : members that were integrated to the end;  seconds : of work of all workers so far
+    members_failed : members that could not be integrated, of failed blocks and of blocks that are done
     """
 
     blocks: int
@@ -45,6 +46,7 @@ class Progress:
     members_done: int
     survivors: int
     seconds: float
+    members_failed: int
 
     @property
     def complete(self) -> bool:
@@ -53,9 +55,10 @@ class Progress:
 
     def __str__(self) -> str:
         failed = f", {self.failed:,} failed" if self.failed else ""
+        members = f"; {self.members_failed:,} could not be integrated" if self.members_failed else ""
         return (
             f"{self.done:,} of {self.blocks:,} blocks done{failed}: {self.members_done:,} of {self.members:,} members, "
-            f"{self.survivors:,} of them to the end; {self.seconds:,.1f} s of work"
+            f"{self.survivors:,} of them to the end{members}; {self.seconds:,.1f} s of work"
         )
 
 
@@ -65,7 +68,7 @@ class Campaign:
         campaign.summary                  a row for each member: what became of it, extremes of its orbit, MEGNO
         campaign["Ceres"]                 its trajectory; campaign.run("Ceres") that of its whole block
         campaign.map("e_max")             a column over the axes of a grid
-        campaign.progress, campaign.failed
+        campaign.progress, campaign.failed, campaign.failed_members
 
     folder : of the store, which is read anew each time
     """
@@ -88,6 +91,7 @@ class Campaign:
             members_done=sum(entry.last - entry.first for entry in done),
             survivors=sum(entry.survivors for entry in done),
             seconds=sum(entry.seconds for entry in entries),
+            members_failed=sum(self._store.failures(entry) for entry in entries),
         )
 
     @property
@@ -99,6 +103,22 @@ class Campaign:
     def failed(self) -> dict[int, str]:
         """Why blocks could not be integrated, by their numbers."""
         return {entry.block: entry.reason for entry in self.blocks if entry.state == FAILED}
+
+    @property
+    def failed_members(self) -> dict[str, str]:
+        """Why members could not be integrated, by their names: those of failed blocks, and systems of the others."""
+        found: dict[str, str] = {}
+        for entry in self.blocks:
+            if not self._store.failures(entry):
+                continue
+            names = self.names[entry.first : entry.last]
+            if entry.state == FAILED:
+                found |= dict.fromkeys(names, entry.reason)
+                continue
+            columns = self._store.columns(entry)
+            rows = zip(names, columns["state"].tolist(), columns["reason"].tolist(), strict=True)
+            found |= {name: reason for name, state, reason in rows if state == MEMBER_FAILED}
+        return found
 
     @property
     def blocks(self) -> list[Entry]:
@@ -129,8 +149,9 @@ class Campaign:
         end : the time that it reached since the epoch;  reason : why not the end
         a_min, a_max, e_min, e_max, inc_min, inc_max : over the samples, about the most massive body; of systems
             (members, bodies), in the order of the bodies, NaN for the most massive one
-        closest, closest_to, closest_at : the closest approach to another body than the most massive one, and its time;
-            infinity if none came near; unless the plan has approaches=False
+        closest, closest_to, closest_at : the closest approach to another body than the one that dominates the system,
+            with 90 % of its mass, if one does, and its time; infinity if none came near. Of systems that of the two
+            bodies that came closest. Not if the plan has approaches=False
         megno, unresolved_at : if asked for; and when the first passage was that its method cannot follow
         energy_error : of systems, the largest relative deviation at the samples
         """

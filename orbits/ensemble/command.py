@@ -50,7 +50,7 @@ def send_by_value(module: ModuleType) -> None:
 
 
 def execute(plan: Plan, folder: Path, *, as_json: bool, **how: Any) -> int:
-    """Run a campaign, print what became of its members, and return the exit code: 1 if blocks failed."""
+    """Run a campaign, print what became of its members, and return the exit code: 1 if some could not be integrated."""
     console = _stderr()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", OrbitsWarning)
@@ -58,7 +58,7 @@ def execute(plan: Plan, folder: Path, *, as_json: bool, **how: Any) -> int:
     for one in caught:
         console.print(f"mind: {one.message}", markup=False, soft_wrap=True)
     _print(campaign, as_json)
-    return 1 if campaign.failed else 0
+    return 1 if campaign.progress.members_failed else 0
 
 
 def show(folder: Path, as_json: bool) -> None:

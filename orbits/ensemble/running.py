@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from orbits.archive.storage import human
+from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag, whole_number
 from orbits.ensemble.bars import Bar
 from orbits.ensemble.campaign import Campaign
@@ -27,6 +28,7 @@ from orbits.errors import (
     Interrupted,
     OrbitsWarning,
     StepWarning,
+    counted,
     shown,
 )
 from orbits.finding import SHOWN, Finding
@@ -84,16 +86,17 @@ def run(
         need not see the folder. Needs orbits[distributed]
     workers : the number of threads, by default one for each processor
     processes : take processes of this machine instead of threads: for systems that a function makes in much Python
-    retry : try again the blocks that could not be integrated before
+    retry : try again the blocks that could not be integrated before, or have members that could not
     progress : whether a bar is shown on terminals and in notebooks
     say : receives a line for what is taken over, damaged or lost; by default they go to standard error on terminals
 
     The same block gives the same bits in a thread, a process and on a worker. A block that cannot be integrated is
-    listed in `campaign.failed`, with a warning at the end, and the others go on; so does a block whose worker was lost,
-    elsewhere. Raises InputError for wrong arguments, a cluster that does not answer, and workers of other versions;
-    ArchiveError for a folder with another campaign, or that another process runs; StorageError if the disk is too
-    small, before the start, or fails; MissingPackageError without Dask; Interrupted after Ctrl-C, SIGTERM or SIGHUP,
-    with the campaign so far as `.trajectory`: the same call goes on.
+    listed in `campaign.failed`, its members and single systems that cannot be in `campaign.failed_members`, with a
+    warning at the end, and the others go on; so does a block whose worker was lost, elsewhere. Raises InputError for
+    wrong arguments, a cluster that does not answer, and workers of other versions; ArchiveError for a folder with
+    another campaign, or that another process runs; StorageError if the disk is too small, before the start, or fails;
+    MissingPackageError without Dask; Interrupted after Ctrl-C, SIGTERM or SIGHUP, with the campaign so far as
+    `.trajectory`: the same call goes on.
     """
     if isinstance(ensemble, Plan):
         given = [*options, *["integrator"] * (integrator is not None), *["block"] * (block is not None)]
@@ -210,11 +213,11 @@ class _Loop:
         if outcome.state == INTERRUPTED:
             self.store.keep(outcome)
             return
-        self.store.add(outcome, self.tries[block])
+        entry = self.store.add(outcome, self.tries[block])
         first, last = self.store.span(block)
         self.blocks, self.members = self.blocks + 1, self.members + last - first
+        self.failed += self.store.failures(entry)
         if outcome.state == FAILED:
-            self.failed += 1
             self.say(f"block {block} could not be integrated: {outcome.reason}")
 
 
@@ -275,10 +278,10 @@ def _pending(store: Store, retry: bool, say: Say) -> list[int]:
     for block in range(store.blocks):
         entry: Entry | None = entries.get(block)
         if entry is not None and entry.state == DONE:
-            wrong = store.damaged(entry)
-            if not wrong:
+            wrong, failures = store.damaged(entry), store.failures(entry) if retry else 0
+            if not wrong and not failures:
                 continue
-            say(f"block {block}: {wrong}; it is done again")
+            say(f"block {block}: {wrong or counted(failures, 'member') + ' failed'}; it is done again")
             store.forget(block)
         elif entry is not None and not retry:
             continue
@@ -297,6 +300,8 @@ def _ended(store: Store) -> Campaign:
         told = f"{len(failed):,} of {store.blocks:,} blocks could not be integrated; see campaign.failed:"
         rows = [f"block {block}: {reason}" for block, reason in list(failed.items())[:SHOWN]]
         Finding(told, rows=rows, hidden=len(failed) - SHOWN).warn()
+    if len(campaign.failed_members) > sum(entry.last - entry.first for entry in entries if entry.block in failed):
+        _members_failed(campaign).warn()
     found: dict[str, dict[str, dict[str, set[int]]]] = {}  # by category, kind and text
     for entry in entries:
         for category, text, *kind in entry.warnings:  # no kind in an index of earlier versions
@@ -309,6 +314,21 @@ def _ended(store: Store) -> Campaign:
             lines.append(f"and {len(groups) - SHOWN:,} others; see campaign.blocks[k].warnings")
         Finding("\n".join(lines), StepWarning if category == StepWarning.__name__ else OrbitsWarning).warn()
     return campaign
+
+
+def _members_failed(campaign: Campaign) -> Finding:
+    """Return what is told of members that could not be integrated: how many, and why, the commonest first."""
+    failed = campaign.failed_members
+    reasons: dict[str, list[str]] = {}
+    for name, reason in failed.items():
+        reasons.setdefault(reason, []).append(name)
+    groups = sorted(reasons.items(), key=lambda group: -len(group[1]))
+    return Finding(
+        f"{len(failed):,} of {len(campaign):,} members could not be integrated; see campaign.failed_members:",
+        rows=[f"{few(names)}: {reason}" for reason, names in groups[:SHOWN]],
+        hidden=len(groups) - SHOWN,
+        where=" reasons",
+    )
 
 
 def _told(group: Mapping[str, set[int]], count: int) -> str:

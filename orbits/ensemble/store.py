@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.archive.storage import Storage, sync_folder
-from orbits.ensemble.tasks import DONE, Outcome, files_of, fingerprint
+from orbits.ensemble.tasks import DONE, FAILED, Outcome, files_of, fingerprint
 from orbits.errors import ArchiveError, StorageError
 
 FORMAT = "orbits campaign 1"
@@ -154,6 +154,13 @@ class Store:
                 ) from None
             found[entry.block] = entry
         return found
+
+    def failures(self, entry: Entry) -> int:
+        """Return how many members of a block could not be integrated: all of a failed one; and of systems, none of
+        which is lost on the way, those that did not survive.
+        """
+        apart = entry.state == FAILED or self.about["kind"] != "particles"
+        return (entry.last - entry.first - entry.survivors) * apart
 
     def damaged(self, entry: Entry) -> str:
         """Return what is wrong with the files of a block that is done, or ""."""

@@ -110,7 +110,7 @@ def _extremes(run: Trajectory) -> Columns:
 
 def _approaches(run: Trajectory) -> Columns:
     """Return the closest approach of each body to one other than the dominant one, (bodies,): distance, the other body,
-    time; infinity if there was none. Nothing if the run did not look for them.
+    time; infinity if there was none, and for the dominant one. Nothing if the run did not look for them.
 
     They are as they were recorded during the march, from the two-body orbit within the step: over a century of
     near-Earth asteroids by WisdomHolman and Gauss to 1e-6 of the distance, 2e-3 at worst. To march through them again,
@@ -128,7 +128,7 @@ def _approaches(run: Trajectory) -> Columns:
         return out
     if not seen.looked:
         return {}
-    numbers = {body: int(seen.closest[body, 1]) for body in range(count) if seen.closest[body, 1] >= 0}
+    numbers = {body: int(k) for body, k in enumerate(seen.closest[:, 1]) if k >= 0 and body != seen.dominant}
     refine(run, seen, [number for number in set(numbers.values()) if not np.isfinite(seen.passages[number].distance)])
     for body, number in numbers.items():
         passage = seen.passages[number]

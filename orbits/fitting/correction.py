@@ -14,7 +14,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, IntegrationError, counted
+from orbits.errors import ConvergenceError, InputError, IntegrationError, counted
 from orbits.fitting.instruments import Instrument
 from orbits.fitting.least_squares import Fitted, Linear, least_squares
 from orbits.propagation.variations.arc import Arc
@@ -35,6 +35,9 @@ SINGULAR = 1e-11
 REJECTED, RECOVERED, WORST = 8.0, 7.0, 0.25
 """Chi-squared of an observation that is rejected, and below which it is taken back; in each round only those above this
 part of the largest are rejected, so that a gross error does not drag good ones along."""
+
+GROSS = 20.0
+"""Residuals of a beginning above so many times their median, or sigmas, do not count at first, as they lead astray."""
 
 
 @dataclass(frozen=True)
@@ -83,22 +86,24 @@ class Problem:
         return np.stack([first, (x[:, 1] / sigma[:, 1] - c * first) / np.sqrt(1.0 - c * c)], axis=1)
 
 
+def at_start(problem: Problem, start: Array, used: Mask) -> Solution:
+    """Return a start as it is, with what it leaves if it is that of the observations that are used."""
+    now, delay = np.array(start, dtype=np.float64), np.zeros(len(used))
+    for _ in range(2):  # the first light time is a guess
+        seen = problem.seen(now, delay)
+        delay = seen[1]
+    return _solution(Fitted(now, problem.white(seen[0]), seen, problem.derivatives(now, delay)), used)
+
+
 def corrected(
     problem: Problem, start: Array, used: Mask, known: Solution | None = None, enough: float = CONVERGED
 ) -> Solution:
     """Return the best start near a given one, for the observations that are used.
 
-    known : the solution for others of them, whose start it is; enough : sigmas of the last correction
+    known : the solution for others of them, or what its start leaves; enough : sigmas of the last correction
     Raises ConvergenceError if it is not found, or if the observations do not determine it.
     """
-    if known is None:
-        now, delay = np.array(start, dtype=np.float64), np.zeros(len(used))
-        for _ in range(2):  # the first light time is a guess
-            seen = problem.seen(now, delay)
-            delay = seen[1]
-        white = problem.derivatives(now, delay)
-    else:
-        now, seen, white = known.start, (known.residuals, known.delay), known.derivatives
+    known = at_start(problem, start, used) if known is None else known
 
     def residuals(x: Array, near: tuple[Array, Array]) -> tuple[Array, tuple[Array, Array]]:
         try:
@@ -110,7 +115,7 @@ def corrected(
     found = least_squares(
         residuals,
         lambda x, there: problem.derivatives(x, there[1]),
-        Fitted(now, problem.white(seen[0]), seen, white),
+        Fitted(known.start, problem.white(known.residuals), (known.residuals, known.delay), known.derivatives),
         lambda last, weak: _failure(problem, last, weak, used),
         enough=enough,
         singular=SINGULAR,
@@ -152,15 +157,31 @@ def _solution(found: Fitted, used: Mask) -> Solution:
     return Solution(found.x, seen, delay, white, used, np.abs(chi2))
 
 
-def with_outliers_rejected(problem: Problem, start: Array, used: Mask) -> Solution:
-    """Return the solution whose outliers are rejected. Raises ConvergenceError as `corrected`."""
-    found = corrected(problem, start, used, enough=ROUGH)
-    known: set[bytes] = set()
+def without_gross(problem: Problem, known: Solution) -> Mask:
+    """Return the observations whose residuals are not far larger than those of most."""
+    away = np.linalg.norm(problem.white(known.residuals), axis=1)
+    return np.asarray(away <= GROSS * max(1.0, float(np.median(away))))
+
+
+def with_outliers_rejected(problem: Problem, start: Array, used: Mask, known: Solution | None = None) -> Solution:
+    """Return the solution whose outliers are rejected; gross ones from the start, if there is none with them.
+
+    known : as for `corrected`, which raises ConvergenceError
+    """
+    known = at_start(problem, start, used) if known is None else known
+    try:
+        found = corrected(problem, start, used, known, enough=ROUGH)
+    except ConvergenceError:
+        fewer = used & without_gross(problem, known)
+        if np.array_equal(fewer, used):
+            raise
+        found = corrected(problem, start, fewer, known, enough=ROUGH)
+    tried: set[bytes] = set()
     for _ in range(MOST_ROUNDS):
         limit = max(REJECTED, WORST * float(found.chi2[found.used].max(initial=0.0)))
         now = np.where(found.used, found.chi2 <= limit, found.chi2 < RECOVERED)
-        if np.array_equal(now, found.used) or now.tobytes() in known or now.sum() < 4:
+        if np.array_equal(now, found.used) or now.tobytes() in tried or now.sum() < 4:
             break
-        known.add(now.tobytes())
+        tried.add(now.tobytes())
         found = corrected(problem, found.start, now, found, enough=ROUGH)
     return corrected(problem, found.start, found.used, found)

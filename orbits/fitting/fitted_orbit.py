@@ -204,10 +204,11 @@ def _fitted(
     rejected = telling_rejections(fit)
     if rejected is not None:
         rejected.warn()
-    orbit = fit.covariance("keplerian")
-    if max(orbit.sigma[1], abs(orbit.sigma[0] / orbit.values[0])) < WIDE:
+    comet = fit.covariance("cometary")  # of e and q first
+    if max(comet.sigma[0], comet.sigma[1] / comet.values[1]) < WIDE:
         return fit
     if parameters:
+        orbit = fit.covariance("keplerian")
         wide_covariance(name, orbit.values[:2], orbit.sigma[:2]).warn()
         return fit
     fit = replace(fit, range=valley(problem, found))

@@ -11,7 +11,15 @@ from numpy.typing import NDArray
 
 from orbits.errors import ConvergenceError, IntegrationError, counted
 from orbits.finding import Finding
-from orbits.fitting.correction import REJECTED, Problem, Solution, corrected, with_outliers_rejected
+from orbits.fitting.correction import (
+    REJECTED,
+    Problem,
+    Solution,
+    at_start,
+    corrected,
+    with_outliers_rejected,
+    without_gross,
+)
 from orbits.fitting.sight import Sight
 from orbits.fitting.valley import shape
 from orbits.observing.light import C
@@ -41,8 +49,9 @@ UNDECIDED = 9.0
 MANY = 20
 """Among fewer observations than these, outliers that are rejected may be those that would decide."""
 
-GROSS = 20.0
-"""Residuals of a beginning above so many times their median, or sigmas, do not count at first, as they lead astray."""
+ASTRAY = 1e4
+"""Chi-squared, relative to what is expected of it, of an observation that is not of the body that an arc has shown so
+far: an orbit is not bent towards it."""
 
 EQUAL = 1e-3
 """Differences of chi-squared below this are none."""
@@ -190,8 +199,8 @@ def _followed(root: Root, problem: Problem, sight: Sight, start: Array) -> tuple
     rows = np.flatnonzero(days <= span)
     try:
         part = _part(problem, sight, rows)
-        away = np.linalg.norm(part.white(part.seen(start, np.zeros(len(rows)))[0]), axis=1)
-        found = with_outliers_rejected(part, start, away <= GROSS * max(1.0, float(np.median(away))))
+        known = at_start(part, start, np.ones(len(rows), dtype=bool))
+        found = with_outliers_rejected(part, start, without_gross(part, known), known)
         root = root._replace(rms=normalized_rms(part, found))
         if root.rms >= GOOD:
             return root, None
@@ -205,8 +214,11 @@ def _followed(root: Root, problem: Problem, sight: Sight, start: Array) -> tuple
 
 
 def _without_needless_rejections(problem: Problem, found: Solution) -> Solution:
-    """Return the solution with all of few observations, if their chi-squared is then less."""
-    if found.used.all() or len(found.used) >= MANY:
+    """Return the solution with all of few observations, if their chi-squared is then less.
+
+    An orbit that is bent towards one that is astray goes anywhere, and is not tried.
+    """
+    if found.used.all() or len(found.used) >= MANY or found.chi2.max() > ASTRAY:
         return found
     try:
         whole = corrected(problem, found.start, np.ones(len(found.used), dtype=bool))
@@ -253,11 +265,14 @@ def _grown(problem: Problem, sight: Sight, found: Solution, rows: NDArray[np.int
     Raises ConvergenceError, or an IntegrationError, if an arc on the way has none.
     """
     days = np.abs(sight.days)
-    used = np.ones(len(days), dtype=bool)
+    used = np.zeros(len(days), dtype=bool)
     used[rows] = found.used
     while len(rows) < len(days):
         span = max(span * LONGER, float(days[days > span].min()) + 1.0)
-        rows = np.flatnonzero(days <= span)
-        found = with_outliers_rejected(_part(problem, sight, rows), found.start, used[rows])
+        before, rows = rows, np.flatnonzero(days <= span)
+        part = _part(problem, sight, rows)
+        known = at_start(part, found.start, used[rows])
+        new = ~np.isin(rows, before)
+        found = with_outliers_rejected(part, found.start, used[rows] | (new & ~(known.chi2 > ASTRAY)), known)
         used[rows] = found.used
     return found

@@ -220,7 +220,10 @@ def fit_planets(
     labels = [f"{planets[i]}.{ELEMENTS[k]}" for i, k in np.argwhere(free)]
     labels += [f"{name}.offset" for name in instruments]
     if not 0 < len(labels) <= len(sigma):
-        raise InputError(f"{len(sigma)} measurements do not determine {len(labels)} parameters; expected 1 to as many.")
+        raise InputError(
+            f"{len(sigma)} measurements do not determine {len(labels)} parameters; expected one parameter at "
+            'least, and no more than there are measurements. Choose them, such as by elements=["P", "t0"].'
+        )
     start = elements_of(system)
     steps = (np.array(FIRST_STEPS) * np.where(RELATIVE, start[:, [0, 1, 1, 3, 4, 5, 6]], 1.0))[free]
     widest = (np.array(WIDEST) * np.where([False, True, True, False, False, False, False], start[:, 1:2], 1.0))[free]

@@ -23,7 +23,8 @@ from orbits.units import GM_SUN
 Array = NDArray[np.float64]
 
 WIDE = 0.1
-"""Of the eccentricity, or of a relative to itself: a sigma above this is not told by a covariance."""
+"""Of the eccentricity, or of q relative to itself: a sigma above this is not told by a covariance. That of a relative
+to itself is always large near a parabola, where q and e may be well known."""
 
 DEEP = 9.0
 """By how much chi-squared may be above the least."""

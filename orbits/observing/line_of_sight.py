@@ -77,8 +77,11 @@ def line_of_sight(given: Any, what: str) -> LineOfSight:
 def radial_velocity_of(run: Run, body: str, along: Any, times: Any) -> u.Quantity:
     """Return the radial velocity of a body; see `Trajectory.radial_velocity`."""
     towards = line_of_sight(along, "along")
-    if run.changes is not None:
-        raise InputError("run.radial_velocity is relative to the barycentre, but bodies merged or were changed.")
+    if run.changes is not None and run.changes.acted_on_massive:
+        raise InputError(
+            "run.radial_velocity is relative to the barycentre, but in this run massive bodies merge or are changed; "
+            "expected a run without that, or one that ends before: see run.events and run.legs."
+        )
     system, place = run.system, index_of(body, run.names, "body")
     if times is None:
         shape, v = run.times.shape, run.v.value

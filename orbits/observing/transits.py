@@ -159,8 +159,8 @@ def _the_event(run: Run, body: str, along: Any, star: str | None) -> tuple[LineO
         said = f"those of {body!r} were sought along another line of sight: {told}."
     else:
         said = (
-            f"{body!r} has none. They are those of a run with "
-            f"events=orbits.events.Transit({body!r}, ..., observer=orbits.along(...))."
+            f"{body!r} has none at the times of these samples. If they were sought, none is there; if not, seek them: "
+            f"propagate with events=orbits.events.Transit({body!r}, ..., observer=orbits.along(...))."
         )
     raise InputError(f"run.transits: {said}")
 

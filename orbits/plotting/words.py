@@ -15,10 +15,10 @@ from astropy import units as u
 from orbits.body_names import with_article
 from orbits.errors import InputError
 from orbits.integrators import registry
+from orbits.integrators.base import Integrator
 from orbits.units import date_text
 
 if TYPE_CHECKING:
-    from orbits.integrators.base import Integrator
     from orbits.protocols import Run, State
 
 SHORT_NAMES: Mapping[str, str] = {"Earth-Moon barycenter": "Earth–Moon"}
@@ -76,7 +76,12 @@ def method_words(label: str) -> str:
 
 
 def in_title(integrator: Integrator) -> str:
-    """Return a method as in a title: "Wisdom–Holman", without the options that it has by default; stages are told."""
+    """Return a method as in a title: "Wisdom–Holman", without the options that it has by default; stages are told.
+
+    Of a run of REBOUND the label, all that is known of its method.
+    """
+    if not isinstance(integrator, Integrator):
+        return integrator.label
     cls = type(integrator)
     with suppress(TypeError, InputError):  # methods that need arguments
         if "stages" not in integrator.parameters() and integrator == cls():

@@ -2,11 +2,13 @@
 
 import json
 import os
+import re
 import shlex
 import shutil
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from astropy import units as u
@@ -17,8 +19,9 @@ from orbits import integrators
 from orbits.cli import app
 from orbits.errors import Interrupted
 from orbits.regression import PEERS
-from orbits.scenario import bundled
+from orbits.scenario import bundled, load
 from orbits.scenario.command import guarded
+from orbits.scenario.runs import Runs
 from tests.coverings import each
 from tests.stopping import after_samples
 
@@ -465,3 +468,21 @@ def test_encounters_in_a_map_are_an_option_of_the_method_on_the_command_line(tmp
     out = call("run", "solar_system", "--integrator", "wisdom-holman(encounters='leave')", "--out", tmp_path / "other")
     assert out.exit_code == 2
     assert "expected 'warn', 'follow', 'follow particles'" in out.output
+
+
+def test_the_archives_of_examples_are_those_that_their_scenarios_write(tmp_path):
+    """In the help of commands, and so on their page, and in the other pages."""
+    docs = Path(orbits.__file__).parents[1] / "docs"
+    texts = [path.read_text(encoding="utf-8") for path in docs.rglob("*.md")]
+    named = {found.groups() for text in texts for found in re.finditer(r"results/(\w+)/(run[-\w.]*\.h5)", text)}
+    assert ("solar_system", "run.h5") in named
+    for scenario, archive in named:
+        made = load(scenario)
+        assert archive in {path.name for path in Unlooked(made, made.cases(), {}, tmp_path).archives.values()}
+
+
+class Unlooked(Runs):
+    """The runs of a scenario, of which none is there."""
+
+    def _look(self, name, label):
+        return ""

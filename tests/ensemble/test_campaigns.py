@@ -388,8 +388,16 @@ def test_a_block_that_cannot_be_integrated_is_reported_and_the_others_go_on(tmp_
     """Two bodies with mass collide head on in one system; a function refuses the parameters of another."""
     campaign_of = {"duration": 5.0, "dt": 0.01, "integrator": "gauss", "block": 1, "progress": False}
     made = ensemble.grid(pair, speed=[-1.0, 0.0, 1.0, 0.9])
-    with pytest.warns(OrbitsWarning, match="A falls straight into B"):
+    with pytest.warns(OrbitsWarning, match="A falls straight into B") as told:
         campaign = ensemble.run(made, tmp_path / "c", **campaign_of)
+    (said,) = (str(one.message) for one in told if "campaign.failed_members" in str(one.message))
+    assert said.startswith("2 of 4 members could not be integrated")
+    assert all(f"{name}: {reason}".removesuffix(".") in said for name, reason in campaign.failed_members.items())
+    assert list(campaign.failed_members) == [campaign.names[0], campaign.names[1]]
+    assert "no such speed" in campaign.failed_members[campaign.names[0]]
+    assert not campaign.failed  # no block as a whole
+    assert campaign.progress.members_failed == 2
+    assert "4 of 4 members, 2 of them to the end; 2 could not be integrated" in str(campaign.progress)
     table = campaign.summary
     assert list(table["state"]) == ["failed", "failed", "survived", "survived"]
     assert "ConvergenceError" in table["reason"][1]
@@ -408,6 +416,8 @@ def test_a_block_of_particles_whose_planets_collide_is_listed_as_failed(tmp_path
     assert list(campaign.failed) == [0, 1]
     assert campaign.complete
     assert list(campaign.summary["state"]) == ["failed", "failed"]
+    assert list(campaign.failed_members) == ["p0", "p1"]
+    assert campaign.progress.members_failed == 2
     with pytest.raises(ArchiveError, match="could not be integrated: ConvergenceError"):
         campaign["p0"]
 
@@ -418,6 +428,44 @@ def pair(speed: float) -> orbits.System:
         raise ValueError("no such speed")
     q, v = np.array([0.5, 0, 0]), np.array([0, speed / 2**0.5, 0])
     return orbits.System(["A", "B"], [1.0, 1.0], [q, -q], [v, -v], units=orbits.DIMENSIONLESS)
+
+
+def test_systems_that_failed_are_tried_again_if_asked_for(tmp_path):
+    """A function that lacks something the first time, as a file that is not there yet."""
+    ready = tmp_path / "ready"
+
+    def late(speed):
+        if speed > 0.95 and not ready.exists():
+            raise ValueError("not ready")
+        return pair(speed)
+
+    made = ensemble.grid(late, speed=[0.9, 1.0])
+    options = {"duration": 1.0, "dt": 0.01, "integrator": "stormer-verlet", "block": 1, "progress": False}
+    with pytest.warns(OrbitsWarning, match="1 of 2 members could not be integrated"):
+        ensemble.run(made, tmp_path / "c", **options)
+    ready.touch()
+    with pytest.warns(OrbitsWarning, match="1 of 2 members could not be integrated"):
+        ensemble.run(made, tmp_path / "c", **options)
+    told: list[str] = []
+    again = ensemble.run(made, tmp_path / "c", retry=True, say=told.append, **options)
+    assert told == ["block 1: 1 member failed; it is done again", "1 of 2 blocks are there already"]
+    assert not again.failed_members
+    assert list(again.summary["state"]) == ["survived", "survived"]
+
+
+def test_the_closest_approach_of_a_system_is_that_of_two_others_than_the_one_that_dominates(tmp_path):
+    """That of Mercury and Jupiter, not the perihelion of Mercury; with two bodies there is none."""
+    sun = ["Sun", "Mercury", "Jupiter", "Saturn"]
+    members = [orbits.System.solar_system("2026-01-01", bodies=sun[:k]) for k in (4, 2)]
+    campaign = ensemble.run(ensemble.systems(members), tmp_path / "c", duration="1 yr", dt="4 d", progress=False,
+                            integrator="wisdom-holman", check_step=False, trajectories=False)  # fmt: skip
+    run = orbits.propagate(members[0], "wisdom-holman", duration="1 yr", dt="4 d", check_step=False, approaches=True)
+    nearest = next(one for one in run.closest_approaches()["Mercury"] if one.other != "Sun")
+    table = campaign.summary
+    assert list(table["closest_to"]) == ["Mercury, Jupiter", ""]
+    # As recorded, from the two-body orbit within the step.
+    np.testing.assert_allclose(table["closest"][0].to_value(u.au), nearest.distance.to_value(u.au), rtol=2e-3)
+    assert table["closest"][1].value == np.inf
 
 
 def test_a_grid_of_systems_has_the_bits_of_a_list_of_them(tmp_path):

@@ -89,3 +89,20 @@ def test_ctrl_c_stops_with_a_line_on_how_to_go_on_and_the_same_command_goes_on(t
     assert "of 4 blocks are there already" in again.stderr
     assert ensemble.open(tmp_path / "belt.campaign").complete
     assert os.listdir(tmp_path / "belt.campaign")
+
+
+def test_members_that_could_not_be_integrated_are_told_and_in_the_exit_code(tmp_path):
+    (tmp_path / "failing.py").write_text(
+        "import orbits\n"
+        "def make(mass):\n"
+        "    if mass > 1.5:\n"
+        "        raise ValueError('too heavy')\n"
+        "    bodies = {'star': {'gm': mass}, 'b': {'a': 1.0, 'gm': 1e-3}}\n"
+        "    return orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)\n"
+        "grid = orbits.ensemble.grid(make, mass=[1.0, 2.0])\n"
+        "plan = orbits.ensemble.Plan(grid, integrator='stormer-verlet', dt=0.01, duration=1.0)\n"
+    )
+    done = orbits_("ensemble", tmp_path / "failing.py", "--out", tmp_path / "c")
+    assert done.exit_code == 1, done.output
+    assert "1 of 2 members could not be integrated" in done.stderr
+    assert "too heavy" in done.stderr

@@ -137,7 +137,7 @@ def test_what_cannot_be_fitted_is_refused():
         orbits.fit(orbits.TransitTimes("d", 2452490.0 + 2.0 * np.arange(20), 0.01), start)
     with pytest.raises(InputError, match=r"planet c of the start does not pass .* near 2002-"):
         orbits.fit(orbits.TransitTimes("c", 2452490.0 + 30.0 * np.arange(9), 0.01), flat())
-    with pytest.raises(InputError, match=r"4 measurements do not determine 11 parameters"):
+    with pytest.raises(InputError, match=r"4 measurements do not determine 11 parameters; .* Choose them.*elements="):
         orbits.fit(orbits.RadialVelocities("x", rv.time[:4], rv.velocity[:4], rv.sigma[:4]), start)
     with pytest.raises(ConvergenceError, match=r"do not determine all parameters, least [bc].t0; fit fewer: elements"):
         orbits.fit(rv, flat(), elements=["mass_ratio", "P", "t0"])

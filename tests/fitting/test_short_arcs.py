@@ -16,7 +16,7 @@ from orbits.errors import ConvergenceError, InputError, OrbitsWarning
 from orbits.fitting.result import Fit
 from orbits.observing.three_directions import triples
 
-from ..coverings import each
+from ..coverings import each, first
 from .skies import mahalanobis, state
 
 EPOCH, MIDNIGHT, SIGMA = "2012-03-01", 2455987.5, 0.3
@@ -159,3 +159,47 @@ def test_an_outlier_in_the_middle_of_the_middle_night_does_not_hide_the_orbit():
     fit, _ = fitted(orbits.Observations(tuple(records)))
     assert np.flatnonzero(~fit.used).tolist() == [4]
     assert mahalanobis(fit, state(run.at(fit.epoch))) < 22.5
+
+
+LONGER = (0.0, 0.05, 5.0, 5.05, 20.0, 20.1, 60.0, 60.05, 105.0, 105.1)
+SHORTER = (0.0, 0.05, 3.0, 3.05, 10.0, 10.1, 25.0, 25.05, 60.0, 60.1)
+
+
+@pytest.mark.parametrize(("days", "place"), first(1, [(LONGER, 4), (SHORTER, 9), (SHORTER, 4), (SHORTER, 0)]))
+def test_a_place_of_another_body_is_rejected_whichever_it_is(days, place):
+    """It is 120 degrees off; an orbit through it is one of many au a day, whose march has no end."""
+    observations, run = seen(MIDDLE_BELT, days, 1)
+    fit, _ = fitted(displaced(observations, place))
+    assert np.flatnonzero(~fit.used).tolist() == [place]
+    assert "arcsec off" in fit.rejected["reason"][0]
+    assert mahalanobis(fit, state(run.at(fit.epoch))) < 22.5
+
+
+def test_a_place_of_another_body_is_rejected_with_a_start_too():
+    observations, run = seen(MIDDLE_BELT, LONGER, 1)
+    fit = orbits.fit(displaced(observations, 4), run[0])
+    assert np.flatnonzero(~fit.used).tolist() == [4]
+
+
+def displaced(observations: orbits.Observations, place: int) -> orbits.Observations:
+    """Return observations of which one is 120 degrees off."""
+    records = [*observations.records]
+    records[place] = records[place]._replace(ra=(records[place].ra + 120.0) % 360.0)
+    return orbits.Observations(tuple(records))
+
+
+def test_an_orbit_close_to_a_parabola_is_no_range_of_orbits():
+    """Its q and e are known to 2e-4; a relative to itself, q / (1 - e), is never known there."""
+    elements = {"inc": 100 * u.deg, "Omega": 10 * u.deg, "omega": 50 * u.deg, "T": 100 * u.day}
+    system = orbits.System.in_ephemeris(epoch=EPOCH).add("433", primary="Sun", q=0.8 * u.au, e=1.0, **elements)
+    run = orbits.propagate(system, duration=72 * u.day, samples=2, dense=True)
+    jd = MIDNIGHT + np.array([2.0, 3.0, 5.0, 9.0, 20.0, 30.0, 40.0, 55.0, 70.0])
+    places = run.ephemeris("433", observer="568", times=Time(jd, format="jd", scale="utc"))
+    rows = zip(jd.tolist(), places.ra.to_value(u.deg).tolist(), places.dec.to_value(u.deg).tolist(), strict=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fit = orbits.fit(parsed(list(rows)), system)
+    assert fit.range == ()
+    assert fit.covariance("cometary").sigma[:2].max() < 3e-4
+    a, sigma = (x[0] for x in (fit.covariance("keplerian").values, fit.covariance("keplerian").sigma))
+    assert sigma > 0.1 * abs(a)

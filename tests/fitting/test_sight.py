@@ -9,6 +9,7 @@ from astropy.time import Time
 
 import orbits
 from orbits.astrometry.record import Place, Record
+from orbits.errors import ConvergenceError
 from orbits.fitting.sight import ARCSECONDS, Sight
 from orbits.observing.stations import stations
 from orbits.propagation.variations.arc import Arc
@@ -75,6 +76,13 @@ def test_a_start_of_nine_au_a_day_is_followed_along_its_line():
     q, v = Arc(start(), "433").states(far, times)
     assert np.abs(q - far[:3] - times[:, None] * far[3:]).max() < 0.5 * 1e-8 * 16.0**2
     assert np.abs(v - far[3:]).max() < 1e-8 * 16.0
+
+
+def test_a_start_that_no_body_has_is_refused_before_long():
+    """As a correction towards a place of another body led to; rounding far from the Sun makes its steps endless."""
+    far = np.array([-436.00464333, 476.17092766, 258.68832885, 5.94197588, -8.55303672, -3.96000396])
+    with pytest.raises(ConvergenceError, match=r"433: the motion through 60 d of observations takes too many steps"):
+        Arc(start(), "433").states(far, np.array([60.0]))
 
 
 def test_an_arc_covers_both_sides_of_its_epoch():

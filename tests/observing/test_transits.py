@@ -140,6 +140,20 @@ def test_a_star_recedes_as_published_elements_say():
     assert at.value == pytest.approx(expected[3], abs=1e-9 * K)
 
 
+def test_a_star_has_its_velocity_where_mergers_were_sought_and_none_was():
+    bodies = system()
+    sought = orbits.events.Collision(then=orbits.events.Merge())
+    with_them, without = (
+        orbits.propagate(bodies, duration=4 * u.day, samples=5, **more) for more in ({"events": sought}, {})
+    )
+    np.testing.assert_array_equal(with_them.radial_velocity("star"), without.radial_velocity("star"))
+    wide = bodies.replaced(radii=bodies.radii + [0.0, 3.4e5, 3.4e5, 0.0] * u.km)  # b and c touch when they pass
+    merged = orbits.propagate(wide, duration=4 * u.day, samples=5, events=sought)
+    assert len(merged.legs) > 1
+    with pytest.raises(InputError, match="massive bodies merge or are changed"):
+        merged.radial_velocity("star")
+
+
 def test_transits_outlive_an_archive(tmp_path, run):
     path = tmp_path / "run.h5"
     sought = Transit("b", "star", observer=orbits.along(inc=10 * u.deg, node=1.0))
@@ -152,7 +166,7 @@ def test_what_cannot_be_seen_is_refused(run):
     for line in (orbits.along(inc=20 * u.deg), orbits.along(inc=0.5 * u.deg, node=90 * u.deg)):
         with pytest.raises(InputError, match=r"sought along another line of sight"):
             run.transits("b", line)
-    with pytest.raises(InputError, match=r"'star' has none.*events=orbits.events.Transit"):
+    with pytest.raises(InputError, match=r"'star' has none at the times of these.*events=orbits.events.Transit"):
         run.transits("star")
     with pytest.raises(UnknownNameError, match="'x'"):
         run.transits("x")

@@ -139,6 +139,13 @@ def test_all_snapshots_are_a_run(archive, expected):
             run.at(1.7)
 
 
+@pytest.mark.parametrize("kind", ["paths", "elements", "phase", "energy", "error"])
+def test_a_run_has_its_pictures_with_the_method_as_rebound_calls_it(archive, kind):
+    figure = run_from_rebound(archive).plot(kind)
+    told = [text.get_text() for text in figure.findobj(lambda one: hasattr(one, "get_text"))]
+    assert any("REBOUND ias15" in text for text in told)
+
+
 def test_a_run_keeps_the_epoch_of_t_0_and_goes_backwards(tmp_path):
     sim = to_rebound(orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"]))
     for t in (-10.0, -20.0):

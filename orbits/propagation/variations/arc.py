@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.diagnostics.hermite import between
+from orbits.errors import ConvergenceError
 from orbits.integrators.gauss import Gauss
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
 from orbits.marching.clocks.adaptive import Adaptive
@@ -37,6 +38,10 @@ TOGETHER = 4
 
 TURN = 0.4
 """The most radians by which the body moves about the nearest other body, as seen from there, between two nodes."""
+
+MOST, MOST_A_DAY = 4000, 10.0
+"""The most steps of an arc: those of a body that passes the Sun or a planet are a few hundred, of one that is bound to
+a planet a few a day. An orbit that is tried and takes more is that of no body that is observed."""
 
 OF_STATES, OF_DERIVATIVES = 8, 4
 """Nodes of a polynomial."""
@@ -111,11 +116,18 @@ class Arc:
         return np.asarray((after - before) / (2.0 * step[6 + k]))
 
     def _motions(self, system: System, start: Array, sign: float, times: Array) -> Iterator[Motion]:
-        """Yield the motion to the last of these times, block by block."""
-        state = self._moved(system, start)
+        """Yield the motion to the last of these times, block by block. Raises ConvergenceError after too many steps."""
+        state, most = self._moved(system, start), MOST + MOST_A_DAY * float(np.abs(times).max())
         march = bound(system, METHOD, Adaptive().towards(sign), threads=1, state=state, dense=True, approaches=False)
         for motion, _ in within_step.stretches(*within_step.towards(march.leg, sign * float(np.abs(times).max()))):
             yield motion
+            most -= len(motion)
+            if most < 0.0:
+                raise ConvergenceError(
+                    f"{self._whole.system.names[self._own]}: the motion through {np.abs(times).max():.4g} d of "
+                    "observations takes too many steps, and is that of no small body; expected another start, or "
+                    "observations without those of another body."
+                )
 
     def _moved(self, system: System, start: Array) -> tuple[Array, Array]:
         """Return q and v of all bodies, (n, 3), with a start of the body."""
