@@ -119,9 +119,10 @@ class MarchedAgain:
     def at(self, t: Any) -> Any:
         """Return the state at any time within the run, a `System`, or the states at several times, a `Trajectory`.
 
-        They are computed by the run's own method from the preceding samples, or, if the run was made with dense=True,
-        from the preceding steps, at once; and are in the order of the times. A run answers from its start up to where
-        it ended, also before its first sample and after its last one; some samples of a run, run[10:20], between them.
+        They are computed by the run's own method, along its own steps, from the preceding samples, or, if the run was
+        made with dense=True, from the preceding steps, at once; and are in the order of the times. A run answers from
+        its start up to where it ended, also before its first sample and after its last one; some samples of a run,
+        run[10:20], between them.
         t : a date (a Time, "2030-01-01") or a time since the epoch (a quantity, a number in the system's unit of time),
             or an array or list of these; many times at once take about a ninth of the time of single calls
         Raises InputError outside these times.

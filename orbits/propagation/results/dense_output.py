@@ -37,10 +37,11 @@ def state_at(trajectory: Trajectory, t: Any) -> System | Trajectory:
 
     t : a time as for `until` of `propagate`, or an array or list of times in any order
 
-    The preceding sample is propagated with the run's own integrator and step, so the error is that of the run. For
-    several times the march continues from one to the next, which does not change the result. If the run has kept its
-    steps, each state is a partial step from the preceding one. A single time gives a `System`, several give a
-    `Trajectory` with these times as its samples, in the given order.
+    The preceding sample is propagated with the run's own integrator, along its steps: a partial step to the sample is
+    taken back. The states are those of the run to round-off; with transformed time, and methods that are not symmetric,
+    to the error of one partial step. For several times the march continues from one to the next, which does not change
+    the result. If the run has kept its steps, each state is a partial step from the preceding one. A single time gives
+    a `System`, several give a `Trajectory` with these times as its samples, in the given order.
     Raises InputError for a time outside the run.
     """
     times = times_since(trajectory.system, t, "t")

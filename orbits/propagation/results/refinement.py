@@ -43,8 +43,8 @@ MOST_NUMBERS = 2**22
 def refine(trajectory: Trajectory, seen: Seen, numbers: Iterable[int]) -> None:
     """Refine distance, time, speed and states of some passages to the accuracy of the orbit.
 
-    The massive bodies are marched from the preceding sample; if that lies between steps, a partial step leads back to
-    the grid. Massless ones are marched along unless the states of their passages were recorded. Where a partial step
+    The massive bodies are marched from the preceding sample; if that lies between steps, the partial step to it is
+    taken back. Massless ones are marched along unless the states of their passages were recorded. Where a partial step
     follows from the state at its beginning alone, those of all passages are taken together, in compiled code. A passage
     up to which the bodies cannot be marched again, as they meet there, say, stays as it was recorded: its number goes
     to `seen.estimated`. What is not reached, as the work is interrupted, is refined when it is asked for again.

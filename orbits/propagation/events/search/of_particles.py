@@ -157,7 +157,8 @@ class ParticleSearches:
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march, start = along_steps(system, integrator, clock, begun, q, v, dense=True)
         if clock.changes:  # a march then counts its time from its begin
-            yield from within_step.stretches(*within_step.towards(march.leg, time - begun))
+            march.leg.times.end_exactly()
+            yield from within_step.stretches(march, clock.place(time - begun))
             return
         place = self._clock.place(time - start)
         rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
