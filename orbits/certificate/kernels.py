@@ -32,8 +32,11 @@ HALVINGS, LEAST, LEVELS = 40, 6, 6
 ROUNDING = 2.0
 """What a difference may be wrong by from rounding, in units of that of all that is added up in a kernel."""
 
-DOUBTS = 32.0
+DOUBTS = 128.0
 """How many times its doubt a difference may be wrong by: the best of some sixty is close to others by chance."""
+
+FURTHER = 256.0
+"""How many times the best doubt the rounding is at the shortest span: shorter ones may show that longer ones err."""
 
 GIVEN_MOTION = "given"
 """The kernel of terms that give the motion of bodies, and are no part of L."""
@@ -162,13 +165,14 @@ def derivative(function: Callable[[Array], Array], x: Array, j: int, span: float
         ahead[j] += span * 2.0**-k
         behind[j] -= span * 2.0**-k
         rounded = ROUNDING * EPS * size / (span * 2.0**-k)
-        if k >= LEAST and np.all(rounded >= doubt):
+        if k >= LEAST and np.all(rounded >= FURTHER * doubt):
             break
         new = [(function(ahead) - function(behind)) / (ahead[j] - behind[j])]
         for i, before in enumerate(row[:LEVELS]):
             new.append(new[i] + (new[i] - before) / (4.0 ** (i + 1) - 1.0))
             off = np.maximum(np.abs(new[i + 1] - new[i]), np.abs(new[i + 1] - before)) + rounded
-            better = off < doubt
+            # Spans longer than the distance of two bodies agree among themselves without their attraction.
+            better = (off < doubt) | (np.abs(new[i + 1] - found) > off + doubt)
             found, doubt = np.where(better, new[i + 1], found), np.where(better, off, doubt)
         row = new
     return found, doubt
