@@ -262,9 +262,9 @@ class Events(Tabled, Sequence[FoundEvent]):
 
     def _caption(self) -> str:
         count = "no events" if not len(self) else f"{len(self):,} event{'s' * (len(self) > 1)}"
-        met = {(int(row[NUMBER]), int(row[RISING])) for row in self._rows}
-        sought = [(k, rises) for k, pair in enumerate(self._words) for rises, word in enumerate(pair) if word]
-        missing = list(dict.fromkeys(str(self._words[k][rises]) for k, rises in sought if (k, rises) not in met))
+        met = {self._kind(row) for row in self._rows}
+        sought = dict.fromkeys(word for pair in self._words for word in pair if word)
+        missing = [word for word in sought if word not in met]
         if not missing or not self._whole:
             return count
         more = f" and {len(missing) - SHOWN_KINDS} other kinds" if len(missing) > SHOWN_KINDS else ""

@@ -46,10 +46,10 @@ class OfTime(Bound):
         return np.asarray(self.function(t))[:, None]
 
 
-def times_of(function, times, words=("falls", "rises"), first=False):
+def times_of(function, times, words=("falls", "rises")):
     """Return the times of the zeros of a function, and which of them rise."""
     stretch = Still(times)
-    ((found, missing),) = zeros_of([OfTime(function, words)], stretch, first)
+    ((found, missing),) = zeros_of([OfTime(function, words)], stretch)
     if missing is not None:
         raise missing
     return stretch.at(found.steps, found.fractions)[0], found.rising
@@ -124,12 +124,6 @@ def test_a_zero_exactly_at_a_check_counts_once(place, sign, times):
     assert rising.tolist() == [sign > 0.0]
 
 
-def test_a_zero_at_the_start_of_a_run_does_not_count_in_either_direction():
-    for sign in (1.0, -1.0):
-        found, _ = times_of(lambda t, s=sign: s * t * (t - 2.5), np.arange(5.0), first=True)
-        np.testing.assert_allclose(found, [2.5], rtol=0.0, atol=1e-15)
-
-
 def test_only_the_wanted_direction_is_returned_and_it_is_one_in_time():
     def wave(t):
         return np.sin(np.pi * (t - 0.25))
@@ -175,7 +169,7 @@ def test_a_change_of_sign_through_infinity_is_no_zero(times):
     zeros = [[], [], [], None, [np.pi, 2.0 * np.pi]]
     for function, expected in zip(poles, zeros, strict=True):
         with np.errstate(divide="ignore"):
-            found, _ = times_of(lambda t, f=function: f(t - base), times, first=True)
+            found, _ = times_of(lambda t, f=function: f(t - base), times)
         if expected is not None:
             np.testing.assert_allclose(np.sort(found - base), expected, rtol=0.0, atol=1e-9)
 

@@ -304,3 +304,38 @@ def test_the_table_says_what_was_sought_and_never_happened():
     assert repr(sought(events[0]).events).startswith("1 event\n")
     assert repr(sought().events) == "no events"
     assert repr(sought(*events).events[:0]) == "no events"  # a part says nothing about the whole
+
+
+def test_a_word_that_was_met_is_not_said_to_be_missing():
+    events = [Event(lambda t, q, v: t - 2.0, name="z"), Event(lambda t, q, v: t - 3.0, name="z", then="stop")]
+    assert repr(sought(events[0]).events).startswith("1 event\n")
+    assert repr(sought(*events).events).startswith("2 events\n")
+
+
+def with_a_comet():
+    return pair().add("comet", primary="star", a=2.0, e=0.1)
+
+
+@pytest.mark.parametrize("symbols", [True, False], ids=["symbols", "function"])
+def test_a_function_of_a_massless_body_that_the_event_is_not_about_is_told_the_remedy(symbols):
+    x = Event.symbols("comet")[0]
+    function = x if symbols else (lambda t, q, v: q[:, 2, 0])
+    with pytest.raises(EventError, match=r"is nan at t = 0; .* as comet here: give Event\(..., bodies=\('comet',\)\)"):
+        orbits.propagate(with_a_comet(), duration=6.0, events=Event(function, name="x"))
+    found = orbits.propagate(with_a_comet(), duration=6.0, events=Event(function, name="x", bodies=("comet",)))
+    assert len(found.events) == 1
+
+
+def test_a_function_that_returns_booleans_is_refused():
+    with pytest.raises(InputError, match=r"'x' fails .* returned booleans, which do not cross zero; expected numbers"):
+        sought(Event(lambda t, q, v: q[:, 1, 0] > 0.0, name="x"))
+
+
+def test_times_in_messages_about_functions_have_their_unit():
+    system = orbits.System.solar_system(bodies=["Sun", "Jupiter"])
+    changed = Event(lambda t, q, v: t - 20.0, name="x", then=lambda t, system: system.replaced(softening=0.1))
+    with pytest.raises(EventError, match="x at t = 20 d: the function changed something besides"):
+        orbits.propagate(system, duration=100 * u.day, events=changed)
+    late = Event(lambda t, q, v: np.zeros((len(t), 2)) if t.max() > 50.0 else t + 1.0, name="x")
+    with pytest.raises(EventError, match=r"Event 'x' fails between t = .* and [\d.]+ d: it returned shape"):
+        orbits.propagate(system, duration=100 * u.day, events=late)

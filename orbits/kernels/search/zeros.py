@@ -186,10 +186,10 @@ class Room(NamedTuple):
 
 
 @kernel
-def brackets_of_pairs(function, weights, motion, pairs, start, first, room, found, places):
+def brackets_of_pairs(function, weights, motion, pairs, first, room, found, places):
     """Write the brackets of zeros in recorded steps from number `first` on, while there is room for those of a step.
 
-    pairs : (columns, 2), numbers of bodies, -1 for the origin; start : whether the first step is that of a run
+    pairs : (columns, 2), numbers of bodies, -1 for the origin
     found : (many, 6), receives both checks, the function there, and its slopes
     places : (many, 3), receives the step, the column, and whether it is an extremum
 
@@ -221,8 +221,6 @@ def brackets_of_pairs(function, weights, motion, pairs, start, first, room, foun
             nodes = load(computed, 0)
             store(values, 1, nodes)
             store(slopes, 1, load(computed, WIDTH) - nodes)
-            if start and k == 0 and values[0] == 0.0:
-                values[0] = computed[2 * WIDTH]  # a zero there does not count
             if not _has_any(values, slopes):
                 continue
             for i in range(EDGES - 1):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import EventError
+from orbits.errors import EventError, with_unit
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks.constant import Clock
@@ -62,17 +62,18 @@ class BodiesOfRun:
 
         kind, time, q, v, before, after : see `ChainOfLegs.change`
         """
+        at = f"{kind} at t = {with_unit(f'{time:.10g}', self.system.units.time)}"
         if after.names != before.names or (after.massive != before.massive).any():
             raise EventError(
-                f"{kind} at t = {time:.10g}: the function returned other bodies, or gave one a mass that had none or "
+                f"{at}: the function returned other bodies, or gave one a mass that had none or "
                 "took all of it; expected the same bodies, of which q, v, gm and radii may change.",
                 time=time,
             )
         same = ("units", "softening", "terms", "forces", "epoch")
         if any(getattr(after, name) != getattr(before, name) for name in same):
             raise EventError(
-                f"{kind} at t = {time:.10g}: the function changed something besides q, v, gm and radii, which stays as "
-                "it is in a run.",
+                f"{at}: the function changed something besides q, v, gm and radii; expected a System with the same "
+                "units, softening, terms, forces and epoch, which stay as they are in a run.",
                 time=time,
             )
         numbers = [self.system.names.index(name) for name in after.names]

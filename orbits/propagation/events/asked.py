@@ -20,6 +20,12 @@ if TYPE_CHECKING:
 MOST_PARTICLES = 64
 """The most massless bodies whose events are sought: each is marched again with the bodies that have mass."""
 
+RETURNS = (
+    "Expected `of` of a PairBound to return (m,) for q and v (m, 3), or `values` of a Bound to return "
+    "(m, len(columns)) for q and v (m, bodies, 3)."
+)
+"""What functions return, in words."""
+
 
 class Asked:
     """The events of a run and their functions, which all searches for them share.
@@ -51,7 +57,7 @@ class Asked:
         for number, event in enumerate(self.events):
             if event.acts:
                 event.then.check(event, system)
-            bounds = event.bound(system)
+            bounds = _functions_of(event, system)
             self.bounds += bounds
             self.of += [event] * len(bounds)
             view = number, getattr(event, "observer", None), getattr(event, "apparent", False)
@@ -143,3 +149,45 @@ class Asked:
         at = moved(system, *state, found.time, absent(*state, system.massive)) if at is None else at
         kind = bound.words[found.rising] or ""
         return Happening(self.of[found.number], kind, u.Quantity(found.time, system.units.time), at, *names)
+
+
+def _functions_of(event: Sought, system: System) -> list[Bound]:
+    """Return the functions of an event among these bodies. Raises InputError for a kind of a user's whose functions are
+    not as `Bound` says.
+    """
+    name, bounds = type(event).__name__, event.bound(system)
+    if not isinstance(bounds, list) or not all(isinstance(bound, Bound) for bound in bounds):
+        raise InputError(
+            f"{name}.bound returned {shown(bounds)}; expected a list of functions, such as a PairBound in [...]."
+        )
+    for bound in bounds:
+        words = bound.words
+        if not (isinstance(words, tuple | list) and len(words) == 2 and all(isinstance(w, str | None) for w in words)):
+            raise InputError(
+                f"{name}: the words of {type(bound).__name__} are {shown(words)}; expected a pair: what a zero is "
+                "called where the function falls, and where it rises; None for what is not sought."
+            )
+        strange = bound.pairs[(bound.pairs < NOBODY) | (bound.pairs >= len(system))]
+        if len(strange):
+            raise InputError(
+                f"{name}: {type(bound).__name__} is of body number {strange[0]}; expected numbers from 0 to "
+                f"{len(system) - 1}, as system.index(a name) returns them."
+            )
+        if event.stored and bound.sought and len(bound.pairs):  # `Event` tries its function itself
+            _try(name, bound, system)
+    return bounds
+
+
+def _try(name: str, bound: Bound, system: System) -> None:
+    """Call a function with the state at the start, twice. Raises InputError if that fails, or is of another shape."""
+    t, none = np.zeros(2), np.zeros(2, dtype=np.int64)
+    q, v = (np.stack([x, x]) for x in (system.values.q, system.values.v))
+    try:
+        with np.errstate(all="ignore"):
+            shapes = np.shape(bound.at(t, q, v, none)), np.shape(bound.values(t, q, v, none[:1]))
+    except Exception as error:  # the function of a user may raise anything
+        raise InputError(
+            f"{name}: {type(bound).__name__} fails at the start of the run: {type(error).__name__}: {error}. {RETURNS}"
+        ) from error
+    if shapes != ((2,), (2, 1)):
+        raise InputError(f"{name}: {type(bound).__name__} returned shape {shapes[0]} for two times. {RETURNS}")

@@ -146,7 +146,10 @@ class Sought:
 
     def bound(self, system: System) -> list[Bound]:
         """Return the functions whose zeros are sought among these bodies. Raises InputError, and UnknownNameError."""
-        raise NotImplementedError
+        raise InputError(
+            f"{type(self).__name__} has no functions; expected a method bound(self, system) that returns a list of "
+            "them."
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out functions that cannot be pickled."""

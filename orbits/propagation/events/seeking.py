@@ -16,7 +16,8 @@ from orbits.marching.watching.leg_observers import SUSPECT
 from orbits.propagation.events.asked import Asked
 from orbits.propagation.events.base import STOP, Array, Found, Sample, Sought
 from orbits.propagation.events.log import PARTICLES, padded_rows, rows_of_particles
-from orbits.propagation.events.search.along_motion import SAME, MotionSearch
+from orbits.propagation.events.search.along_motion import MotionSearch
+from orbits.propagation.events.search.meaning import SAME
 from orbits.trajectory.events import NUMBER, TIME, Events, in_order
 
 if TYPE_CHECKING:
@@ -79,11 +80,10 @@ class Seeking(MotionSearch):
             known |= dict(zip(PARTICLES, padded_rows(np.concatenate([firm, later]), len(firm)), strict=True))
         return known
 
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], begun: bool, path: Any) -> None:
-        """Go on with the list of a checkpoint; begun : whether the march has taken steps."""
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], path: Any) -> None:
+        """Go on with the list of a checkpoint."""
         if self.events:
             self.log.restore(checkpoint, len(self._bounds), len(self.asked.system), path)
-            self._first = not begun
             if self.touching:  # the march may list a collision before it comes to events that are earlier in its step
                 ends = np.array([event.then == STOP for event in self._of])[self.log.rows[:, NUMBER].astype(int)]
                 self.log.forget()

@@ -45,7 +45,7 @@ def taken_up(
     if place is not None:
         checkpoint, committed = place
         restore(marcher, checkpoint, path)
-        seeking.restore(checkpoint, marcher.time != 0.0, path)
+        seeking.restore(checkpoint, path)
         marcher.follow_events()
         _check_place(marcher, grid, committed, path)
     return marcher, seeking, accounts

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from orbits.body_names import index_of
-from orbits.errors import EventError, InputError, shown
+from orbits.errors import EventError, InputError, shown, with_unit
 from orbits.kernels.compile.user_functions import call_each
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole
 from orbits.propagation.events.functions import calling
@@ -83,17 +83,20 @@ class Event(Sought):
         if len(rows) == 2:
             pairs_of(system, self.bodies[0], self.bodies[1], "Event")
         pair = (*rows, NOBODY, NOBODY)[:2]
-        own = Own(self.name, wanted((self.name, self.name), self.direction), [pair], _vectorised(self.function, system))
+        words, function = wanted((self.name, self.name), self.direction), _vectorised(self.function, system)
+        own = Own(self.name, words, [pair], function, system.units.time)
         _try(self, own, system)
         return [own]
 
 
 class Own(Bound):
-    """A function of all states."""
+    """A function of all states; unit : of times, as messages show them."""
 
-    def __init__(self, name: str, words: Any, pairs: Any, function: Callable[[Array, Array, Array], Any]) -> None:
+    def __init__(
+        self, name: str, words: Any, pairs: Any, function: Callable[[Array, Array, Array], Any], unit: object
+    ) -> None:
         super().__init__(words, pairs)
-        self._name, self._function = name, function
+        self._name, self._function, self._unit = name, function, unit
 
     def bodies(self) -> None:
         """Return None: the function may depend on all bodies."""
@@ -101,14 +104,14 @@ class Own(Bound):
 
     def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the function, (m, 1). Raises what it raises, and EventError for anything but real numbers."""
-        with calling(f"the function of {self._name!r}, between t = {t.min():.10g} and {t.max():.10g}"):
+        between = with_unit(f"t = {t.min():.10g} and {t.max():.10g}", self._unit)
+        with calling(f"the function of {self._name!r}, between {between}"):
             found = self.called(t, q, v)
         try:
             return _numbers(found, t)[:, None]
         except ValueError as error:
-            between = f"{t.min():.10g} and {t.max():.10g}"
             raise EventError(
-                f"Event {self._name!r} fails between t = {between}: {error}. Mend the function; all before stays "
+                f"Event {self._name!r} fails between {between}: {error}. Mend the function; all before stays "
                 "readable.",
                 time=float(t[0]),
             ) from error
@@ -125,6 +128,8 @@ def _numbers(found: Any, t: Array) -> Array:
         raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
     if np.iscomplexobj(found):
         raise ValueError("it returned complex numbers")
+    if found.dtype == bool:
+        raise ValueError("it returned booleans, which do not cross zero; expected numbers, such as a - b for a > b")
     return np.array(found, dtype=np.float64)
 
 

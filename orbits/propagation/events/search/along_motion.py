@@ -15,8 +15,14 @@ from orbits.propagation.events.bodies_left import Left, sides_of
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.log import Log
 from orbits.propagation.events.search.brackets import NotFiniteError, Stretch
-from orbits.propagation.events.search.meaning import are_clear, in_every_step, in_rapid_succession
-from orbits.propagation.events.search.zeros import Zeros, zeros_of
+from orbits.propagation.events.search.meaning import (
+    SAME,
+    are_at_start,
+    are_clear,
+    in_every_step,
+    in_rapid_succession,
+)
+from orbits.propagation.events.search.zeros import NEAR_BY, Zeros, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME
 
 STEPS, NUMBERS = 4096, 1 << 22
@@ -34,9 +40,6 @@ EVERY_STEP = (
 
 ENOUGH = 0.25
 """The share of these steps from which on a block is searched as it is, not copied first."""
-
-SAME = 1e-9
-"""Events that act on one body at once are less than this fraction of a step apart."""
 
 ROUNDED = 2.0**-46
 """Times that differ by less than this fraction of themselves are those of one event, found twice."""
@@ -59,7 +62,7 @@ class MotionSearch:
             self._there = asked.system.massive.copy()
             self._there[list(subjects)] = True
             self._begin_leg()
-        self._first, self._since = True, -self._direction * np.inf
+        self._since = -self._direction * np.inf
         self._remarks: dict[int, str] = {}
         self._longest = 0.0
         self.log = Log(self._direction)
@@ -156,15 +159,15 @@ class MotionSearch:
         if self and len(self._collected):
             self._seek(self._collected.emptied(), True)
 
-    def along(self, motion: Motion, first: bool, since: float) -> Found | None:
+    def along(self, motion: Motion, since: float) -> Found | None:
         """Seek events in the next stretch of a motion; return the first one that interrupts the run, if any.
 
-        first : whether the run starts with it; since : the time up to which they were sought before
+        since : the time up to which they were sought before
         """
-        self._first, self._since = first, since
+        self._since = since
         return self._seek(motion, False)
 
-    def between(self, t: Array, q: Array, v: Array, first: bool) -> Found | None:
+    def between(self, t: Array, q: Array, v: Array) -> Found | None:
         """Seek events between two states, t (2,), q and v (2, n, 3), that are too close for more than one zero of any
         function; as `along`.
         """
@@ -174,14 +177,16 @@ class MotionSearch:
             g, g_end = bound.values(t, q, v, np.arange(len(bound.pairs)))
             wanted = np.array([word is not None for word in bound.words])
             rising = (g < 0.0) != (self._direction < 0.0)
-            columns = np.flatnonzero(((g < 0.0) != (g_end < 0.0)) & wanted[rising.astype(int)] & ~(first & (g == 0.0)))
+            columns = np.flatnonzero(((g < 0.0) != (g_end < 0.0)) & wanted[rising.astype(int)])
             if not len(columns):
                 continue
-            at = t[0] + (t[1] - t[0]) * (g / (g - g_end))[columns]
-            states = (np.repeat(x[1:], len(columns), axis=0) for x in (q, v))
-            there = at, *states, columns
-            kept = bound.keeps(*there)
-            rows.append(self._rows(number, rising[columns], *there)[kept])
+            fractions, sizes = (g / (g - g_end))[columns], NEAR_BY * np.abs(g_end - g)[columns]
+            zeros = Zeros(np.zeros_like(columns), fractions, columns, rising[columns], sizes)
+            at = t[0] + (t[1] - t[0]) * fractions
+            there, there_v = (np.repeat(x[1:], len(columns), axis=0) for x in (q, v))
+            kept = bound.keeps(at, there, there_v, columns)
+            kept &= ~are_at_start(bound, zeros, np.diff(t), at, there, there_v)
+            rows.append(self._rows(number, zeros.rising, at, there, there_v, columns)[kept])
             places.append(np.array([(number, column, 0) for column in columns])[kept])
         return self._take(np.concatenate(rows), np.concatenate(places), None, t, False, True, None)
 
@@ -229,8 +234,6 @@ class MotionSearch:
                 self._add(rows[k], firm or bool(acting))
         if failure is not None and (failure.time - last) * self._direction <= 0.0:
             raise failure
-        if firm:
-            self._first = False
         if not acting:
             return None
         self.log.pass_by(last)
@@ -242,7 +245,7 @@ class MotionSearch:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
         bounds = [self._bounds[number] for number in self._numbers]
-        answers = zeros_of(bounds, stretch, self._first)
+        answers = zeros_of(bounds, stretch)
         lengths = np.diff(stretch.times)
         self._longest = max(self._longest, float(np.abs(lengths).max()))
         for number, bound, (found, missing) in zip(self._numbers, bounds, answers, strict=True):
@@ -251,7 +254,7 @@ class MotionSearch:
             if not len(found.steps):
                 continue
             t, q, v = stretch.at(found.steps, found.fractions)
-            kept = bound.keeps(t, q, v, found.columns)
+            kept = bound.keeps(t, q, v, found.columns) & ~are_at_start(bound, found, lengths, t, q, v)
             clear = are_clear(bound, found, lengths, self._longest, t, q, v)
             if (kept & ~clear).any():
                 self._remark(number, ROUND_OFF)
@@ -316,9 +319,17 @@ class MotionSearch:
                 )
 
     def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
-        when = self.asked.when(error.time)
+        when, system = self.asked.when(error.time), self.asked.system
+        unseen = np.flatnonzero(~system.massive & ~self._there)
+        remedy = "Mend the function"
+        if self._bounds[number].bodies() is None and len(unseen):
+            name = system.names[unseen[0]]
+            remedy = (
+                f"Massless bodies are NaN in the functions of events that are not about them, as {name} here: give "
+                f"Event(..., bodies=({name!r},)) if the function needs it; else mend the function"
+            )
         return EventError(
-            f"the function of {self.asked.said(number)} is {error.value} at {when}; expected finite numbers. Mend "
-            "the function; all before stays readable.",
+            f"the function of {self.asked.said(number)} is {error.value} at {when}; expected finite numbers. "
+            f"{remedy}; all before stays readable.",
             time=error.time,
         )

@@ -103,26 +103,22 @@ class Stretch:
         return every[0], every[1]
 
 
-def brackets_of(
-    bounds: Sequence[Bound], stretch: Stretch, first: bool
-) -> list[tuple[list[Brackets], NotFiniteError | None]]:
+def brackets_of(bounds: Sequence[Bound], stretch: Stretch) -> list[tuple[list[Brackets], NotFiniteError | None]]:
     """Return the brackets of each function in a stretch, in parts, and where it is not finite: they are then those in
     the steps before.
-
-    first : whether the stretch is at the start of a run, where a zero does not count
     """
     compiled = {number: how for number, bound in enumerate(bounds) if (how := bound.of_pairs()) is not None}
     found = [
-        _brackets_of_pairs(bound, compiled[number], stretch, first) if number in compiled else []
+        _brackets_of_pairs(bound, compiled[number], stretch) if number in compiled else []
         for number, bound in enumerate(bounds)
     ]
     others = {k: bound for k, bound in enumerate(bounds) if bound.sought and k not in compiled}
-    failed = _add_brackets(others, stretch, first, found) if others else {}
+    failed = _add_brackets(others, stretch, found) if others else {}
     return [(parts, failed.get(number)) for number, parts in enumerate(found)]
 
 
 def _add_brackets(
-    bounds: Mapping[int, Bound], stretch: Stretch, first: bool, found: list[list[Brackets]]
+    bounds: Mapping[int, Bound], stretch: Stretch, found: list[list[Brackets]]
 ) -> dict[int, NotFiniteError]:
     """Add the brackets of functions of any kind, and return where any is not finite, by their numbers."""
     t, q, v = stretch.ends()
@@ -144,7 +140,7 @@ def _add_brackets(
                 failed[number] = failure
                 g_last, g = g[finite * len(FRACTIONS) :][:1], g[: finite * len(FRACTIONS)]
             if finite:
-                where = columns, slice(begin, begin + finite), stretch.backwards, first and begin == 0
+                where = columns, slice(begin, begin + finite), stretch.backwards
                 found[number].append(_brackets(bound.words, g, g_last, *where))
     return failed
 
@@ -190,10 +186,10 @@ class Brackets(NamedTuple):
         return cls(*(np.concatenate(some) for some in zip(*parts, strict=True)))
 
 
-def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, start: bool) -> list[Brackets]:
+def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch) -> list[Brackets]:
     """Return the brackets in all steps of a function that compiled code computes, in parts.
 
-    how : as `Bound.of_pairs` returns it; start : whether the first step is that of a run
+    how : as `Bound.of_pairs` returns it
     """
     words = bound.words[::-1] if stretch.backwards else bound.words
     wanted, pairs = np.array([word is not None for word in words]), stretch.numbers(bound.pairs)
@@ -206,7 +202,7 @@ def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch, s
     found: list[Brackets] = []
     step = 0
     while step < len(stretch):
-        count, step = brackets_of_pairs(function, weights, motion, pairs, start, step, room, numbers, places)
+        count, step = brackets_of_pairs(function, weights, motion, pairs, step, room, numbers, places)
         which = places[:count].copy()
         low, high, g_low, g_high, slope_low, slope_high = numbers[:count].T.copy()
         turns = which[:, 2] > 0
@@ -221,12 +217,10 @@ def _brackets(
     columns: Whole,
     steps: slice,
     backwards: bool,
-    start: bool,
 ) -> Brackets:
     """Return the brackets in consecutive steps.
 
     g : (steps * fractions, columns), at `FRACTIONS`; g_last : (1, columns), at the end of the last step, as marched
-    start : whether the first step is that of a run
     """
     size, count = len(CHECKS), steps.stop - steps.start
     g = np.ascontiguousarray(g.T).reshape(len(columns), count, -1)
@@ -237,9 +231,6 @@ def _brackets(
     slope = g[:, :, size : 2 * size] - before
     slope_after = np.concatenate([slope[:, :, 1:], (g[:, :, -1] - g[:, :, -2])[:, :, None]], axis=2)
     positive = before >= 0.0
-    if start:
-        at_zero = before[:, 0, 0] == 0.0
-        positive[at_zero, 0, 0] = g[at_zero, 0, size] >= 0.0
     changes = positive != (after >= 0.0)
     turns = ~changes & np.where(positive, (slope < 0.0) & (slope_after > 0.0), (slope > 0.0) & (slope_after < 0.0))
     for word, falling in zip(words, (True, False), strict=True):

@@ -1,4 +1,4 @@
-"""Whether what is found means anything: functions that are round-off, and events that happen in every step."""
+"""Whether what is found means anything: zeros at the start, functions that are round-off, and events in every step."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.propagation.events.base import Array, Bound, Whole
-from orbits.propagation.events.search.zeros import Zeros
+from orbits.propagation.events.search.zeros import NEAR_BY, Zeros
 from orbits.trajectory.events import BODY, OTHER, TIME
 
 SHIFT = 1e-9
@@ -22,6 +22,9 @@ SURE = 1e3
 
 PART = 1e-3
 """What is shorter than this share of the longest step is the part of one, in which no function changes much."""
+
+SAME = 1e-9
+"""Events that are less than this fraction of a step apart are at the same time."""
 
 DIRECTIONS = 4
 """The directions, all different for all bodies, in which they are moved."""
@@ -40,12 +43,31 @@ def are_clear(
     """
     own = np.maximum(np.abs(lengths[zeros.steps]), np.finfo(np.float64).tiny)
     large = zeros.sizes * np.where(own < PART * longest, longest / own, 1.0)
-    most = _moved(bound, t, q, v, zeros.columns, 0)
+    return ~_are_round_off(bound, large, t, q, v, zeros.columns)
+
+
+def are_at_start(bound: Bound, zeros: Zeros, lengths: Array, t: Array, q: Array, v: Array) -> NDArray[np.bool_]:
+    """Return which zeros are the one with which the run starts, at t = 0, (m,): up to them a function changes by no
+    more than round-off, as from a pericentre that has been computed, or at which an earlier run stopped.
+
+    lengths : of the steps; t, q, v : the states there
+    """
+    since = np.abs(t) / np.maximum(np.abs(lengths[zeros.steps]), np.finfo(np.float64).tiny)
+    found, near = since <= SAME, np.flatnonzero(since <= 1.0)
+    if len(near):
+        changes = (zeros.sizes / NEAR_BY * since)[near]
+        found[near] |= _are_round_off(bound, changes, t[near], q[near], v[near], zeros.columns[near])
+    return found
+
+
+def _are_round_off(bound: Bound, large: Array, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
+    """Return at which zeros of a function what it is elsewhere, `large`, is no more than its round-off."""
+    most = _moved(bound, t, q, v, columns, 0)
     doubtful = np.flatnonzero(~(large > SURE * (ROUNDING / SHIFT) * most))
     for k in range(1, DIRECTIONS if len(doubtful) else 1):
-        some = t[doubtful], q[doubtful], v[doubtful], zeros.columns[doubtful]
+        some = t[doubtful], q[doubtful], v[doubtful], columns[doubtful]
         most[doubtful] = np.fmax(most[doubtful], _moved(bound, *some, k))
-    return np.asarray(~(large <= (ROUNDING / SHIFT) * most))
+    return np.asarray(large <= (ROUNDING / SHIFT) * most)
 
 
 def _moved(bound: Bound, t: Array, q: Array, v: Array, columns: Whole, direction: int) -> Array:

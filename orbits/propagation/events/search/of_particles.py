@@ -110,16 +110,15 @@ class ParticleSearches:
         search, (system, there) = self._searches[number], self._light[number]
         if not ((time - self._last.time) * self._clock.direction > 0.0 and np.isfinite(self._last.q[there]).all()):
             return None
-        begun, first = self._last, self._last.time == 0.0
+        begun = self._last
         if end is not None and self._hardly_moves(number, abs(time - begun.time)):
             t, q, v = (np.array(pair) for pair in zip(begun, end, strict=True))
-            return search.between(t, q, v, first)
+            return search.between(t, q, v)
         try:
             for motion, ends in self._motions(system, there, time):
                 if ends and end is not None:
                     motion.end_in(end.q[there], end.v[there])
-                found = search.along(motion, first, begun.time)
-                first = False
+                found = search.along(motion, begun.time)
                 if found is not None:
                     return found
         except EventError:

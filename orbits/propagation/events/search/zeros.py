@@ -74,14 +74,12 @@ Along = Callable[[Whole, Array, Whole], Array]
 """Returns functions at fractions of steps: numbers of the steps, fractions, and columns, (m,) each."""
 
 
-def zeros_of(bounds: Sequence[Bound], stretch: Stretch, first: bool) -> list[tuple[Zeros, NotFiniteError | None]]:
+def zeros_of(bounds: Sequence[Bound], stretch: Stretch) -> list[tuple[Zeros, NotFiniteError | None]]:
     """Return the zeros of each function in a stretch, in the order of steps; each counts once, also one at a check. And
     where a function is not finite: its zeros are then those in the steps before.
-
-    first : whether the stretch is at the start of a run, where a zero does not count
     """
     answers: list[tuple[Zeros, NotFiniteError | None]] = []
-    for bound, (found, failure) in zip(bounds, brackets_of(bounds, stretch, first), strict=True):
+    for bound, (found, failure) in zip(bounds, brackets_of(bounds, stretch), strict=True):
         try:
             answers.append((_zeros(bound, stretch, found), failure))
         except NotFiniteError as error:
