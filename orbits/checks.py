@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
@@ -240,3 +241,12 @@ def light_speed(given: Any, units: Any) -> float:
             "or use units=orbits.DIMENSIONLESS, in which c may be any speed."
         )
     return c
+
+
+def check_kernel(function: Any, name: str, arguments: str, whose: str) -> None:
+    """Raise InputError unless `function` is a compiled kernel with as many arguments; whose : for the message."""
+    if not hasattr(function, "py_func"):
+        raise InputError(f"{whose}: {name} is not compiled; put @orbits.kernel above its definition")
+    taken = list(inspect.signature(function.py_func).parameters)
+    if len(taken) != len(arguments.split(",")):
+        raise InputError(f"{whose}: the kernel {name} takes ({', '.join(taken)}); expected {name}({arguments})")

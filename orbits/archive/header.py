@@ -25,7 +25,7 @@ from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.clocks.variable_steps import ChangingSteps
-from orbits.system.model import from_json, to_json
+from orbits.system.model_text import from_json, to_json
 from orbits.time_grid import MOST_STEPS, TimeGrid
 from orbits.units import FARTHEST_DATE, date_text
 

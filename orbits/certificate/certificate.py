@@ -164,7 +164,8 @@ def _failure(f: Finding) -> str:
         return f"{f.name}: {f.note}{declared}"
     if f.name.startswith("order"):
         return f"{f.name}: {f.measured:.2f}, declared {f.bound:g}"
-    return f"{f.name}: {with_unit(_number(f.measured), f.unit)}, at most {_number(f.bound)} allowed{declared}"
+    how = f" ({f.note})" if f.note else ""
+    return f"{f.name}: {with_unit(_number(f.measured), f.unit)}, at most {_number(f.bound)} allowed{declared}{how}"
 
 
 def _finding(record: Mapping[str, Any]) -> Finding:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from orbits.body_names import few
 from orbits.certificate.certificate import Certificate, Finding
 from orbits.certificate.constrained import ConstrainedProblem
+from orbits.certificate.kernels import kernels_agree
 from orbits.certificate.measuring import EPS, Measured, Problem
 from orbits.certificate.orders import order_of_discrete_lagrangian, order_of_map
 from orbits.checks import has_unit, nonzero_number, single_number
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
 
 ORDER_SLACK = 0.2
 """Fraction of the order by which a fitted slope may fall short; a steeper slope is no fault."""
+
+PLACES = 3
+"""The number of states of the march at which kernels are compared."""
 
 HIGH_ORDER = 8
 """Above this order, errors reach round-off before their slope reaches the order. Half the order is then required;
@@ -56,6 +60,8 @@ def certify(
     t : initial time, for a Lagrangian that depends on time
 
     Measured are
+    - whether the kernels of L are derivatives of one another; if they are not, nothing else means anything, and is left
+      out
     - the step, against an independent solution of its equations
     - the residual of its discrete Euler–Lagrange equations
     - its momenta, against those of its L_d (an equivalent L_d has the same equations, but other momenta)
@@ -85,7 +91,8 @@ def certify(
         step = _without_units(dt)
         kind = ConstrainedProblem if CONSTRAINED in problem.traits else Problem
         bound = kind(problem, integrator, step, start, p, float(t))
-        return _certificate(bound, problem.name, "", [])
+        speeds = problem.vector(problem.example.v if q is None and problem.example else cast(ArrayLike, v), "v")
+        return _certificate(bound, speeds, problem.name, "", [])
     from orbits.system import System
 
     if not isinstance(problem, System):
@@ -129,13 +136,15 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
     count = int(np.sum(~massive))
     many = f", {count} massless particle{'s' * (count > 1)}" if count else ""
     unit = units.time.to_string() if hasattr(units.time, "to_string") else str(units.time)
-    more: list[Finding] = []
-    if SEPARABLE not in lagrangian.traits and not names and not integrator.follows_kepler:
-        more.append(_finding("step of bodies", step_of_bodies(bound, acting), None, needed=True))
-    for name, measured in balances(bound, acting) if names else ():
-        more.append(_finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True))
+
+    def more() -> Iterator[Finding]:
+        if SEPARABLE not in lagrangian.traits and not names and not integrator.follows_kepler:
+            yield _finding("step of bodies", step_of_bodies(bound, acting), None, needed=True)
+        for name, measured in balances(bound, acting) if names else ():
+            yield _finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True)
+
     taken = f"; what {few(sorted(set(names)))} takes is left out but for the balances" if names else ""
-    return _certificate(bound, f"{int(np.sum(massive))} bodies{many}{taken}", unit, particles, more)
+    return _certificate(bound, v, f"{int(np.sum(massive))} bodies{many}{taken}", unit, particles, more())
 
 
 def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTransformed) -> Certificate:
@@ -163,15 +172,28 @@ def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTran
     transformed = bodies_in_transformed_time(values.gm, newton.energy(q, v), values.softening)
     problem = Problem(transformed, integrator, clock.step, q, newton.momentum(q, v), 0.0)
     more = [_finding("steps of bodies", steps_in_transformed_time(problem, marcher), None, needed=True)]
-    return _certificate(problem, f"{len(values.gm)} bodies", "in transformed time", [], more)
+    speeds = transformed.velocity(q, problem.p)
+    return _certificate(problem, speeds, f"{len(values.gm)} bodies", "in transformed time", [], more)
 
 
 def _certificate(
-    problem: Problem, name: str, unit: str, particles: list[Any], more: Iterable[Finding] = ()
+    problem: Problem, v: np.ndarray, name: str, unit: str, particles: list[Any], more: Iterable[Finding] = ()
 ) -> Certificate:
+    """v : the velocities at the start, (d,), which kernels that contradict each other may not give from momenta."""
     nonzero_number(problem.dt, "dt")
-    findings = (*_findings(problem, particles), *more)
+    findings = _of_kernels(problem, [(problem.q, v, problem.t)])
+    if all(finding.holds for finding in findings):
+        path, speeds = problem.path, problem.path.v
+        places = range(0, len(path), max(1, len(path) // PLACES))
+        findings = _of_kernels(problem, [(path.q[k], speeds[k], float(path.t[k])) for k in places])
+    if all(finding.holds for finding in findings):
+        findings = (*findings, *_findings(problem, particles), *more)
     return Certificate(name, problem.integrator.label, problem.dt, unit, findings)
+
+
+def _of_kernels(problem: Problem, states: list[tuple[np.ndarray, np.ndarray, float]]) -> tuple[Finding, ...]:
+    found = kernels_agree(problem.lagrangian, states)
+    return tuple(_finding(name, measured, None, needed=True) for name, measured in found)
 
 
 def _findings(problem: Problem, particles: list[Any]) -> Iterator[Finding]:

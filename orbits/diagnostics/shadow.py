@@ -177,7 +177,6 @@ class _Evaluated:
 
     def __init__(self, lagrangian: Lagrangian) -> None:
         self.lagrangian = lagrangian
-        self.f, self.p = np.empty(lagrangian.dimension), np.empty(lagrangian.dimension)
 
     def value(self, q: Array, v: Array, t: float) -> float:
         """Return L(q, v, t)."""
@@ -187,8 +186,7 @@ class _Evaluated:
     def force(self, q: Array, v: Array, t: float) -> Array:
         """Return dL/dq, (d,)."""
         L = self.lagrangian
-        gradients(L.tag, L.parameter_vector, t, L.kernel_order(q), L.kernel_order(v), self.f, self.p)
-        return L.caller_order(self.f).copy()
+        return L.caller_order(gradients(L.tag, L.parameter_vector, t, L.kernel_order(q), L.kernel_order(v))[0])
 
 
 class _Splitting:

@@ -12,14 +12,14 @@ from orbits.errors import InputError, shown
 from orbits.units import kind_of
 
 NO_MASS = "gm = {gm} of the attracting body; expected > 0: an orbit needs a mass to go around"
-NO_DISTANCE = "is at the position of the attracting body; expected a distance > 0"
+NO_DISTANCE = "the position is that of the attracting body; expected a distance > 0"
 RECTILINEAR = (
-    "moves straight towards or away from the attracting body (|q x v| = {h}): a rectilinear orbit has no plane and "
-    "ends in a collision. Give it some transverse velocity"
+    "the motion is straight towards or away from the attracting body (|q x v| = {h}): a rectilinear orbit has no plane "
+    "and ends in a collision. Give it some transverse velocity"
 )
 EXTREME = (
-    "moves at 2^{octaves:.0f} times the local circular velocity; expected a factor within 2^-160 ... 2^160, where the "
-    "elements are in the range of floats. Check the units of position, velocity and gm"
+    "the speed is 2^{octaves:.0f} times the local circular velocity; expected a factor within 2^-160 ... 2^160, where "
+    "the elements are in the range of floats. Check the units of position, velocity and gm"
 )
 BEYOND = "{what} of this orbit would be {value}, beyond the range of floats. Choose units of similar size"
 

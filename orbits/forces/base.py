@@ -27,10 +27,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.body_names import few
-from orbits.kernels.binding import Tag
+from orbits.checks import check_kernel
+from orbits.errors import InputError, shown
+from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.gravity.central_forces import coefficient
 
 __all__ = ["BoundForce", "Force", "coefficient"]
+
+
+FORCE = "strength, own, t, q, v, f"
+FORCE_WITH_VARIABLES = "strength, own, t, q, v, y, f, rates"
+PARTICLE_FORCE = "strength, own, t, particle, sources, speeds, place, velocity"
+"""The arguments of the kernels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +51,30 @@ class BoundForce:
     tag: Tag
     parameters: NDArray[np.float64]
     inner: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
+
+    def check(self, particles: bool) -> None:
+        """Raise InputError for what compiled code cannot take; particles : whether there are massless ones."""
+        whose = f"the force {shown(self.name)}"
+        if not isinstance(self.tag, Tag):
+            raise InputError(f"{whose}: tag is {shown(self.tag)}; expected orbits.kernels.binding.Tag(name, kernels)")
+        for name in ("parameters", "inner"):
+            vector = getattr(self, name)
+            is_vector = isinstance(vector, np.ndarray) and vector.dtype == np.float64 and vector.ndim == 1
+            if not (is_vector and vector.flags.c_contiguous):
+                raise InputError(
+                    f"{whose}: {name} is {shown(vector)}, a {type(vector).__name__}; expected a vector of floats, "
+                    "np.array([...], dtype=np.float64), which may be empty"
+                )
+        needed = {"force": FORCE_WITH_VARIABLES if len(self.inner) else FORCE}
+        if particles:
+            needed["particle_force"] = PARTICLE_FORCE
+        for name, arguments in needed.items():
+            if not self.tag.provides(name):
+                which = "massive bodies" if name == "force" else "the massless bodies of this system"
+                raise InputError(
+                    f"{whose} has no kernel {name} for {which}; expected {name}({arguments}) among those of its tag"
+                )
+            check_kernel(kernel_of(self.tag.type, name), name, arguments, whose)
 
 
 @dataclass(frozen=True)

@@ -214,8 +214,7 @@ class Lagrangian:
         self._require_derivatives()
 
         x, w = self.vector(q, "q"), self.vector(v, "v")
-        f, p = np.empty(self.dimension), np.empty(self.dimension)
-        gradients(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w), f, p)
+        f, p = gradients(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w))
         self._finite(float(np.sum(f) + np.sum(p)), x, w, t)
         return self._out(f), self._out(p)
 
@@ -230,8 +229,7 @@ class Lagrangian:
 
         x, w = self.vector(q, "q"), self.vector(v, "v")
         d = self.dimension
-        out = np.empty(3 * d * d)
-        hessians(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w), out)
+        out = hessians(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w))
         self._finite(float(np.sum(out)), x, w, t)
         blocks = out.reshape(3, d, d)
         if self.order is not None:

@@ -11,12 +11,19 @@ from typing import Any
 
 import numpy as np
 
+from orbits.checks import check_kernel
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Compiled, Lagrangian, Motion, Symmetries
 
 CANONICAL = ("value", "gradients", "hessians")
-KNOWN = ("accelerate", *CANONICAL)
+KNOWN = {
+    "accelerate": "parameters, q, out",
+    "value": "parameters, t, q, v",
+    "gradients": "parameters, t, q, v, f, p",
+    "hessians": "parameters, t, q, v, out",
+}
+"""The kernels, with their arguments."""
 
 
 def from_kernels(
@@ -41,7 +48,7 @@ def from_kernels(
     Read with get(q, k) and write with put(out, k, value) from `orbits.kernels.lanes`, so that a kernel works for
     vectors (d,) and for rows (d, 8), the stages of an implicit method in lanes.
     `accelerate` makes the Lagrangian separable; the other three together allow implicit methods in canonical form.
-    Raises InputError for other names, and if neither set is complete.
+    Raises InputError for other names or arguments, and if neither set is complete.
     """
     if not isinstance(kernels, Mapping):
         raise InputError(
@@ -50,9 +57,8 @@ def from_kernels(
     unknown = [str(key) for key in kernels if key not in KNOWN]
     if unknown:
         raise InputError(f"'{name}': no kernel is called {', '.join(unknown)}; known are {', '.join(KNOWN)}")
-    bare = [key for key, value in kernels.items() if not hasattr(value, "py_func")]
-    if bare:
-        raise InputError(f"'{name}': {', '.join(bare)} is not compiled; put @orbits.kernel above its definition")
+    for key, value in kernels.items():
+        check_kernel(value, key, KNOWN[key], f"'{name}'")
     closures = [key for key, value in kernels.items() if value.py_func.__closure__]
     if closures:
         raise InputError(

@@ -12,6 +12,7 @@ from orbits.errors import ArchiveError, InputError
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.propagation.checks.before_the_start import (
+    check_archived,
     check_before_start,
     check_bodies,
     check_span,
@@ -75,6 +76,8 @@ def propagated(system: System, integrator: Integrator, grid: TimeGrid, **options
 def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOptions) -> Run:
     """Return a run on an existing grid of steps and samples, ready to be marched."""
     archive, certificate, dense = how.archive, how.certificate, how.dense
+    if archive is not None:
+        check_archived(system, integrator)
     conditions = Conditions(how.stop)
     check_callback(how.callback)
     seeking = Seeking(system, conditions.beside(how.events), grid.clock.direction)

@@ -5,9 +5,8 @@ Modules with kernels are imported where they are needed: making a system without
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
@@ -16,7 +15,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
-from orbits.errors import ArchiveError, InputError, shown
+from orbits.errors import InputError, shown
 from orbits.system.rigid_body import RIGID, RigidBody
 from orbits.units import UnitSystem
 
@@ -285,12 +284,25 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
             forces.append(force.about(heavy.index(force.source), heavy, light, system.units))
             continue
         on = np.ones(len(names), dtype=bool) if force.bodies is None else np.isin(names, force.bodies)
-        forces.append(force.bound(on[massive], on[~massive], system.units))
+        forces.append(_bound(force, on[massive], on[~massive], system.units))
     if not system.terms:
         vector = parameters(system.values.gm[system.massive], system.values.softening)
         return Model(newtonian, vector, tuple(forces))
     lagrangian = lagrangian_of(system)
     return Model(lagrangian, lagrangian.parameter_vector, tuple(forces))
+
+
+def _bound(force: Force, massive: NDArray[np.bool_], particles: NDArray[np.bool_], units: UnitSystem) -> BoundForce:
+    """Return a force bound to bodies, which may be a user's. Raises InputError for what cannot be marched."""
+    from orbits.forces.base import BoundForce
+
+    found: Any = force.bound(massive, particles, units)
+    if not isinstance(found, BoundForce):
+        raise InputError(
+            f"bound(...) of {type(force).__name__} returns {shown(found)}; expected an orbits.forces.base.BoundForce"
+        )
+    found.check(bool(len(particles)))
+    return found
 
 
 def require_newtonian(system: System, what: str) -> None:
@@ -428,43 +440,3 @@ def acts_on_massive(system: System) -> tuple[str, ...]:
         if on - {getattr(force, "source", None)}:
             found.append(type(force).__name__)
     return tuple(found)
-
-
-def to_json(system: System) -> str:
-    """Return terms and forces as JSON, with numbers in the units of the system."""
-    return json.dumps({"terms": [_plain(x) for x in system.terms], "forces": [_plain(x) for x in system.forces]})
-
-
-def from_json(system: System, text: str) -> System:
-    """Return a system with the terms and forces of `to_json`. Raises ArchiveError for text that is not of `to_json`."""
-    from orbits import forces as force_registry
-    from orbits.lagrangians import terms as term_registry
-    from orbits.system.rigid_bodies import RigidBodies
-
-    try:
-        given = json.loads(text)
-        terms = [_made(x, term_registry.registry()) for x in given["terms"]]
-        kinds = {**force_registry.registry(), RIGID: RigidBodies}
-        forces = [_made(x, kinds) for x in given["forces"]]
-        return system.replaced(terms=terms, forces=forces)
-    except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise ArchiveError(f"its terms and forces are {shown(text)}, which no run writes ({error}).") from error
-
-
-def _plain(item: Any) -> dict[str, Any]:
-    return {"kind": item.kind, **{field.name: _number(getattr(item, field.name)) for field in fields(item)}}
-
-
-def _number(value: Any) -> Any:
-    if isinstance(value, u.Quantity):
-        return float(value.value) if value.isscalar else value.value.tolist()
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    return [_number(x) for x in value] if isinstance(value, tuple) else value
-
-
-def _made(plain: Mapping[str, Any], registry: Mapping[str, Any]) -> Any:
-    if plain["kind"] not in registry:
-        raise ValueError(f"{plain['kind']!r} is not known to this version of orbits")
-    given = {name: tuple(x) if isinstance(x, list) else x for name, x in plain.items() if name != "kind"}
-    return registry[plain["kind"]](**given)

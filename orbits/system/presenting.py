@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits.body_names import chosen, few
 from orbits.errors import with_unit
 from orbits.export import MOST_ROWS, Labelled, Variable, headed, html_table
-from orbits.system.model import to_json
+from orbits.system.model_text import to_json
 from orbits.units import date_text
 
 if TYPE_CHECKING:

@@ -148,8 +148,8 @@ def test_one_state_and_many_times_give_an_orbit() -> None:
 @pytest.mark.parametrize(
     ("q", "v", "gm", "dt", "message"),
     [
-        ([1, 0, 0], [1, 0, 0], 1.0, 1.0, "Juno: moves straight towards"),
-        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "Juno: is at the position of the attracting body"),
+        ([1, 0, 0], [1, 0, 0], 1.0, 1.0, "Juno: the motion is straight towards"),
+        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "Juno: the position is that of the attracting body"),
         ([1, 0, 0], [0, 1, 0], 0.0, 1.0, "Juno: gm = 0.0"),
         ([1, 0, 0], [0, 1, 0], 1.0, np.nan, "Juno: dt is nan"),
         ([1, np.inf, 0], [0, 1, 0], 1.0, 1.0, "Juno: position is"),
@@ -158,3 +158,5 @@ def test_one_state_and_many_times_give_an_orbit() -> None:
 def test_motion_that_is_no_orbit_is_refused_by_name(q: Any, v: Any, gm: float, dt: float, message: str) -> None:
     with pytest.raises(InputError, match=message):
         two_body(q, v, gm, dt, names=["Juno"])
+    with pytest.raises(InputError, match=f"^{message.removeprefix('Juno: ')}"):  # a sentence without a name, too
+        two_body(q, v, gm, dt)

@@ -186,8 +186,12 @@ WRONG_USES = {
         lambda: orbits.Lagrangian.from_kernels({"accelerate": len}, coordinates=["q"], name="x"),
         "not compiled; put @orbits.kernel",
     ),
-    "incomplete": (
+    "kernel arguments": (
         lambda: orbits.Lagrangian.from_kernels({"value": restoring}, coordinates=["q"], name="x"),
+        r"value takes \(parameters, q, out\); expected value\(parameters, t, q, v\)",
+    ),
+    "incomplete": (
+        lambda: orbits.Lagrangian.from_kernels({"value": lagrangian_of_none}, coordinates=["q"], name="x"),
         "value need gradients, hessians",
     ),
     "accelerations only": (
@@ -217,6 +221,11 @@ WRONG_USES = {
 @orbits.kernel
 def restoring(parameters, q, out):
     put(out, 0, -parameters[0] * get(q, 0) * get(q, 0) * get(q, 0))
+
+
+@orbits.kernel
+def lagrangian_of_none(parameters, t, q, v):
+    return 0.0
 
 
 @each("case", WRONG_USES)

@@ -156,7 +156,7 @@ def test_an_archive_of_newtonian_runs_is_as_before(tmp_path):
 
 
 def test_an_archive_with_a_term_of_a_later_version_says_so():
-    from orbits.system.model import from_json
+    from orbits.system.model_text import from_json
 
     text = '{"terms": [{"kind": "tides", "body": "planet"}], "forces": []}'
     with pytest.raises(ArchiveError, match="'tides' is not known to this version of orbits"):

@@ -232,7 +232,7 @@ def test_elements_about_nothing_are_refused(
 
 def test_states_without_elements_name_the_body() -> None:
     system = System(**GOOD)
-    with pytest.raises(InputError, match="rock: moves straight"):
+    with pytest.raises(InputError, match="rock: the motion is straight"):
         system.replaced(v=np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0]])).elements("Sun")
     massless_first = system.replaced(gm=[0, 1, 1], names=["x", "y", "z"])
     with pytest.raises(InputError, match="a first body with mass, but 'x' has none"):

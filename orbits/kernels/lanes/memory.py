@@ -48,14 +48,16 @@ def load(typingctx, array, index):
 
 @intrinsic
 def store(typingctx, array, index, value):
-    """Write eight lanes to where `load` reads them."""
-    if not (is_contiguous(array, 1, 2) and value == lanes):
+    """Write eight lanes to where `load` reads them; in a row of an (n, 8) array, also a number, in all eight."""
+    number = isinstance(value, types.Float | types.Integer) and is_contiguous(array, 2)
+    if not (is_contiguous(array, 1, 2) and (value == lanes or number)):
         return None
 
     def codegen(context, builder, sig, args):
         index = context.cast(builder, args[1], sig.args[1], types.int64)
         pointer = element_pointer(context, builder, sig.args[0], args[0], index)
-        builder.store(args[2], builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+        given = widen(context, builder, args[2], sig.args[2])
+        builder.store(given, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
         return context.get_dummy_value()
 
     return types.void(array, index, value), codegen
@@ -134,7 +136,7 @@ def _store_element(typingctx, array, index, value):
         index = context.cast(builder, args[1], sig.args[1], types.int64)
         pointer = element_pointer(context, builder, sig.args[0], args[0], index)
         if array.dtype != dual:
-            builder.store(args[2], pointer)
+            builder.store(context.cast(builder, args[2], sig.args[2], types.float64), pointer)
             return context.get_dummy_value()
         value = dual_of(context, builder, args[2], sig.args[2])
         x, d = _parts_of_row(builder, pointer)
@@ -157,7 +159,9 @@ def get(array, index):
 
 @partial(verb, options={})
 def put(array, index, value):
-    """Write float64 or a dual number to element `index` of a vector, or `Lanes` to row `index` of an (n, 8) array."""
+    """Write a number to element `index` of a vector, float64 or dual, or `Lanes` or a number to row `index` of an
+    (n, 8) array.
+    """
     if is_contiguous(array, 2):
         return store
     if is_contiguous(array, 1) or is_contiguous(array, 1, of=dual):

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from orbits import integrators
 from orbits.body_names import few
 from orbits.checks import checked_flag
-from orbits.errors import InputError
+from orbits.errors import InputError, UnknownNameError
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.propagation.checks import step_check
 from orbits.propagation.checks.precision import warn_if_far
 from orbits.propagation.checks.rigid_runs import is_rigid, turning_fast
 from orbits.system.model import most_inner
+from orbits.system.model_text import require_known
 
 if TYPE_CHECKING:
     from orbits.propagation.events.seeking import Seeking
@@ -37,6 +39,21 @@ def check_bodies(system: System, integrator: Integrator) -> None:
 
         kepler_splitting.require_outside(system)
         kepler_splitting.require_terms_of_dominant(system, integrator)
+
+
+def check_archived(system: System, integrator: Integrator) -> None:
+    """Raise InputError for a method, terms or forces that are not of the package: archives find them by name."""
+    require_known(system, "archive=")
+    try:
+        known = integrators.build(integrators.describe(integrator)) == integrator
+    except UnknownNameError:
+        known = False
+    if not known:
+        raise InputError(
+            f"archive= finds methods by name among those of the package, where {integrator.label} "
+            f"({integrator.name!r}) is not. Leave it out, which keeps the run in memory, or put the file of the method "
+            "into orbits/integrators/."
+        )
 
 
 def check_what_is_kept(system: System, integrator: Integrator, seeking: Seeking, *, dense: bool) -> None:
