@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 
 WAITING = "waiting"
 """The state of a member whose block is not done yet."""
+
+_READING = threading.Lock()
+"""Held while a block is read, which another thread may want to replace by its own."""
 
 LENGTHS, ANGLES, TIMES = ("a_min", "a_max", "closest"), ("inc_min", "inc_max"), ("end", "closest_at", "unresolved_at")
 
@@ -225,12 +229,13 @@ class Campaign:
         path = self._path(k)
         status = path.stat()
         key = path, status.st_ino, status.st_mtime_ns  # a file that is damaged is replaced
-        if self._block is None or self._block[0] != key:  # a block has many members
-            if self._block is not None:
-                self._block[1].close()
-                self._block = None
-            self._block = key, Trajectory.open(path)
-        return self._block[1][self.names[k]]
+        with _READING:
+            if self._block is None or self._block[0] != key:  # a block has many members
+                if self._block is not None:
+                    self._block[1].close()
+                    self._block = None
+                self._block = key, Trajectory.open(path)
+            return self._block[1][self.names[k]]
 
     def _path(self, k: int) -> Path:
         """Return the archive with a member. Raises ArchiveError if there is none."""

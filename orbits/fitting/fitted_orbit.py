@@ -208,8 +208,7 @@ def _fitted(
     if max(comet.sigma[0], comet.sigma[1] / comet.values[1]) < WIDE:
         return fit
     if parameters:
-        orbit = fit.covariance("keplerian")
-        wide_covariance(name, orbit.values[:2], orbit.sigma[:2]).warn()
+        wide_covariance(name, comet.values[:2], comet.sigma[:2]).warn()
         return fit
     fit = replace(fit, range=valley(problem, found))
     wide_range(name, fit.range).warn()

@@ -137,10 +137,10 @@ def wide_range(body: str, orbits: tuple[Variation, ...]) -> Finding:
 
 
 def wide_covariance(body: str, orbit: Array, sigma: Array) -> Finding:
-    """Return what is told of a wide covariance of a and e, (2,), with parameters, for which no line is followed."""
+    """Return what is told of a wide covariance of e and q, (2,), with parameters, for which no line is followed."""
     return Finding(
-        f"the observations of {body} and these parameters leave a range of orbits, a = {orbit[0]:.4g} ± {sigma[0]:.2g} "
-        f"au, e = {orbit[1]:.3g} ± {sigma[1]:.2g}, which the covariance does not tell, as it is linear.",
+        f"the observations of {body} and these parameters leave a range of orbits, e = {orbit[0]:.3g} ± "
+        f"{sigma[0]:.2g}, q = {orbit[1]:.4g} ± {sigma[1]:.2g} au, which the covariance does not tell, as it is linear.",
         kind="a range of orbits",
         remedy="Fit fewer parameters: without any, fit.range has orbits from one end to the other.",
     )

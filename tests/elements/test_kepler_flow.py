@@ -72,7 +72,7 @@ def test_units_of_any_size_give_the_same_digits() -> None:
 @each(
     ("q", "v", "gm", "dt", "message"),
     [
-        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "at the position of the attracting body"),
+        ([0, 0, 0], [1, 0, 0], 1.0, 1.0, "the position is that of the attracting body"),
         ([1, 0, 0], [0, 1, 0], -1.0, 1.0, r"gm = -1.0 .* expected >= 0"),
         ([1, 0, 0], [0, 1, 0], 1.0, np.nan, "dt is nan"),
         ([1, 0, 0], [0, 1, 0], np.inf, 1.0, "gm is inf"),

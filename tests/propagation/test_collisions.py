@@ -266,6 +266,19 @@ def test_after_a_change_within_a_step_states_at_any_time_are_on_the_steps_of_the
     np.testing.assert_allclose(found.q, sampled.q, rtol=0.0, atol=1e-13)
 
 
+def test_a_massless_body_that_vanishes_leaves_states_at_any_time_on_the_steps_of_the_run() -> None:
+    """The run begins no leg there: one that did was off by 2e-5."""
+    q, v = [[0, 0, 0], [1, 0, 0], [0, 0.6, 0]], [[0, 0, 0], [0, 1, 0], [0, 0, 0]]
+    system = orbits.System(["star", "planet", "z"], [1, 1e-3, 0], q, v, radii=[0.1, 0.01, 0], units=D)
+    options: dict[str, Any] = {"dt": 0.05, "duration": 6.0, "events": MERGE, "check_step": False}
+    asked = np.sort(np.random.default_rng(1).uniform(0.0, 6.0, 40))
+    sampled = orbits.propagate(system, "stormer-verlet", samples=asked, **options)
+    assert len(sampled.events) == 1
+    for samples in ([6.0], [0.333, 1.21, 4.04]):
+        found = orbits.propagate(system, "stormer-verlet", samples=samples, **options).at(asked)
+        np.testing.assert_allclose(found.q, sampled.q, rtol=0.0, atol=1e-14)  # 2e-15 was reached
+
+
 def test_collisions_that_are_only_recorded_let_bodies_pass_through_each_other_and_change_no_bit() -> None:
     system = disc(60)
     plain = orbits.propagate(system, duration=8.0, samples=9)

@@ -52,6 +52,16 @@ def test_a_node_and_an_element_at_the_start_do_not_count_either():
         assert len(run.events) == 3  # both nodes and the pericentre, where the ascending node is
 
 
+def test_a_pericentre_of_a_satellite_soon_after_the_start_counts():
+    """At 1 au from the Sun 1e-11 of a place are metres, which hid a pericentre 0.8 s after the start."""
+    system = orbits.System.from_elements({"Sun": {"gm": 1.0}, "rock": {"a": 1.0, "gm": 1e-19}}, units=orbits.SOLAR)
+    moon = {"a": 3 * u.km, "e": 0.1, "M": -1e-3}
+    run = orbits.propagate(
+        system.add("moon", primary="rock", **moon), duration=0.1 * u.day, events=Pericentre("moon", "rock")
+    )
+    assert run.events.time[0] < 0.001 * u.day
+
+
 @pytest.mark.parametrize("eccentricity", [1e-6, 0.01, 0.2, 0.9])
 def test_a_run_from_where_an_event_stopped_another_does_not_stop_there_again(eccentricity):
     for angles in orientations(4):

@@ -43,6 +43,7 @@ class MarchedAgain:
         direction, changes = self._run.clock.direction, self._run.changes
         if changes is not None:
             ahead = changes.between(self._time, time)
+            ahead = ahead[~self._leave_alone(ahead)]
             for instant in (np.unique(ahead[:, TIME] * direction) * direction).tolist():
                 q, v = self._state(instant)
                 for row in ahead[ahead[:, TIME] == instant]:
@@ -50,7 +51,15 @@ class MarchedAgain:
                     q[int(row[BODY])] = row[Q : Q + 3] if there else np.nan
                     v[int(row[BODY])] = row[V : V + 3] if there else np.nan
                 self._begin(instant, q, v)
-        return self._state(time)
+        q, v = self._state(time)
+        if changes is not None:
+            gone = ~changes.bodies_at(time).present
+            q[gone] = v[gone] = np.nan
+        return q, v
+
+    def _leave_alone(self, rows: Array) -> NDArray[np.bool_]:
+        """Return which changes begin no leg: massless bodies that are gone then."""
+        return np.asarray((rows[:, GM] == GONE) & ~self._run.system.massive[rows[:, BODY].astype(int)])
 
     def accounts(self) -> Array:
         """Return the accounts of the forces at the state returned last, (forces, 7 + inner), since the run began, if
@@ -73,6 +82,7 @@ class MarchedAgain:
             bodies = changes.bodies_at(time)
             self._there = bodies.present & np.isfinite(q).all(axis=1)
             earlier = changes.between(begun, time)
+            earlier = earlier[~self._leave_alone(earlier)]
             changed = len(earlier) > 0
             begun = float(earlier[-1, TIME]) if changed else begun
         state = q[self._there], v[self._there]

@@ -17,6 +17,9 @@ ROUNDING = 1e-11
 motion between the checks has the errors of its polynomials, up to 1e-12 of a velocity.
 """
 
+AT_START = 2.0**-41
+"""The same at the start, for a state that was rounded, or that an event of an earlier run located: to 2.4e-13 of it."""
+
 SURE = 1e3
 """A function that is so many times as large as round-off in one direction is that in all."""
 
@@ -43,7 +46,7 @@ def are_clear(
     """
     own = np.maximum(np.abs(lengths[zeros.steps]), np.finfo(np.float64).tiny)
     large = zeros.sizes * np.where(own < PART * longest, longest / own, 1.0)
-    return ~_are_round_off(bound, large, t, q, v, zeros.columns)
+    return ~_are_round_off(bound, large, t, q, v, zeros.columns, ROUNDING)
 
 
 def are_at_start(bound: Bound, zeros: Zeros, lengths: Array, t: Array, q: Array, v: Array) -> NDArray[np.bool_]:
@@ -56,18 +59,23 @@ def are_at_start(bound: Bound, zeros: Zeros, lengths: Array, t: Array, q: Array,
     found, near = since <= SAME, np.flatnonzero(since <= 1.0)
     if len(near):
         changes = (zeros.sizes / NEAR_BY * since)[near]
-        found[near] |= _are_round_off(bound, changes, t[near], q[near], v[near], zeros.columns[near])
+        found[near] |= _are_round_off(bound, changes, t[near], q[near], v[near], zeros.columns[near], AT_START)
     return found
 
 
-def _are_round_off(bound: Bound, large: Array, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
-    """Return at which zeros of a function what it is elsewhere, `large`, is no more than its round-off."""
+def _are_round_off(
+    bound: Bound, large: Array, t: Array, q: Array, v: Array, columns: Whole, rounding: float
+) -> NDArray[np.bool_]:
+    """Return at which zeros of a function what it is elsewhere, `large`, is no more than its round-off.
+
+    rounding : the errors of positions and velocities, as a fraction of themselves
+    """
     most = _moved(bound, t, q, v, columns, 0)
-    doubtful = np.flatnonzero(~(large > SURE * (ROUNDING / SHIFT) * most))
+    doubtful = np.flatnonzero(~(large > SURE * (rounding / SHIFT) * most))
     for k in range(1, DIRECTIONS if len(doubtful) else 1):
         some = t[doubtful], q[doubtful], v[doubtful], columns[doubtful]
         most[doubtful] = np.fmax(most[doubtful], _moved(bound, *some, k))
-    return np.asarray(large <= (ROUNDING / SHIFT) * most)
+    return np.asarray(large <= (rounding / SHIFT) * most)
 
 
 def _moved(bound: Bound, t: Array, q: Array, v: Array, columns: Whole, direction: int) -> Array:
