@@ -224,7 +224,8 @@ def distant() -> tuple[orbits.Observations, orbits.System]:
 
 
 def test_a_range_of_orbits_is_told_with_parameters_too(distant):
-    with pytest.warns(OrbitsWarning, match=r"leave a range of orbits, e = [0-9.]+ ± [0-9.]+, q = .* au, which .* does not tell"):
+    told = r"leave a range of orbits, e = [0-9.]+ ± [0-9.]+, q = .* au, which .* does not tell"
+    with pytest.warns(OrbitsWarning, match=told):
         assert orbits.fit(*distant, parameters=["A2"]).range == ()
 
 
