@@ -125,7 +125,8 @@ def _numbers(found: Any, t: Array) -> Array:
     """Return what a function returned as floats, (m,). Raises ValueError for anything but real numbers."""
     found = np.asarray(found)
     if found.shape != t.shape:
-        raise ValueError(f"it returned shape {found.shape} for " + (f"times of shape {t.shape}" if t.ndim else "a time"))
+        given = f"times of shape {t.shape}" if t.ndim else "one time"
+        raise ValueError(f"it returned shape {found.shape} for {given}")
     if np.iscomplexobj(found):
         raise ValueError("it returned complex numbers")
     if found.dtype == bool:
