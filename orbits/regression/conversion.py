@@ -322,7 +322,7 @@ def _refuse(found: Particles) -> None:
     if found.collision != "none":
         what = f"the simulation looks for collisions ({found.collision!r})"
         Finding(
-            f"{what}; bodies of a System pass through each other, unless a run is given events=Collision(then=Merge()), "
+            f"{what}; bodies of a System pass through each other, unless a run has events=Collision(then=Merge()), "
             "say, of orbits.events."
         ).warn()
 
