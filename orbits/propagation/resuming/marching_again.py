@@ -138,7 +138,7 @@ class Replay:
             marcher = bound(run.system, run.integrator, run.clock)
             restore(marcher, checkpoint, str(run.path))
             rows = lost_by_the_end(marcher, run)
-        return RetiredParticles.of(run.system, run.clock, rows)
+        return RetiredParticles.of(run.system, run.clock, rows, run.changes)
 
     def stopped(self, run: Trajectory) -> Stop:
         """Return why and where a run in an archive was ended."""
