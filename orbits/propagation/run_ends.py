@@ -179,8 +179,8 @@ class ParticlesOfRun:
         if not self._followed:
             return False
         self._waiting.append(Sample(sample.time, sample.q.copy(), sample.v.copy()))
-        many = max(len(self._waiting), self._marcher.step - self._step) >= self._followed.most
-        return (many or sample.time == self._end) and self.seek()  # no run is complete before its events are known
+        enough = self._followed.enough(len(self._waiting), self._marcher.step - self._step)
+        return (enough or sample.time == self._end) and self.seek()  # no run is complete before its events are known
 
     def seek(self) -> bool:
         """Seek events up to the last sample that was taken; return whether one of them ends the run."""

@@ -48,9 +48,7 @@ NOTHING = 1e-9
 
 
 FEWEST, TOGETHER, MANY = 8, 64, 256
-"""The fewest and the most samples between which the motion through all of them may exclude events, with as many steps
-of the run at the most; and the most steps of that motion.
-"""
+"""The fewest and the most samples between which the motion through all of them may exclude events, and its most steps."""
 
 OFF = 1e-6
 """How far it may pass a sample, as a fraction of the longest way of a body in a step."""
@@ -62,7 +60,6 @@ class ParticleSearches:
     seeking : the events of the run; begun : where the run begins, or the last sample before it goes on
 
     stops : whether any of them ends the run
-    most : the samples, or steps of the run, after which they are sought
     """
 
     def __init__(
@@ -73,7 +70,7 @@ class ParticleSearches:
         self._light = [with_light(system, search.subjects) for search in self._searches]
         self._scales = [dynamical_time(light) for light, _ in self._light]
         self.stops = any(search.interrupts for search in self._searches)
-        self.most = 1 if self.stops else max(1, min(TOGETHER, NUMBERS // (6 * len(system))))
+        self._most = 1 if self.stops else min(TOGETHER, NUMBERS // (6 * len(system)))
 
     def __bool__(self) -> bool:
         """Whether there are any."""
@@ -83,6 +80,12 @@ class ParticleSearches:
     def last(self) -> Sample:
         """The sample from which they are followed."""
         return self._last
+
+    def enough(self, samples: int, steps: int) -> bool:
+        """Return whether events should be sought now, after so many samples and steps of the run; if they may end it, up
+        to each sample.
+        """
+        return samples >= self._most or steps >= MANY // 2
 
     def that_may_find(self, samples: Sequence[Sample]) -> list[list[int]]:
         """Return for the way to each of the next samples the numbers of the searches that may find events on it."""
