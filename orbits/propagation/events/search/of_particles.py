@@ -46,9 +46,8 @@ LIGHT = 1e-36
 NOTHING = 1e-9
 """The fraction of a step, of the dynamical time, or of the distance of two bodies, in which nothing happens twice."""
 
-
 FEWEST, TOGETHER, MANY = 8, 64, 256
-"""The fewest and the most samples between which the motion through all of them may exclude events, and its most steps."""
+"""The fewest and the most samples of which the motion through all may exclude events between two; its most steps."""
 
 OFF = 1e-6
 """How far it may pass a sample, as a fraction of the longest way of a body in a step."""
@@ -82,9 +81,7 @@ class ParticleSearches:
         return self._last
 
     def enough(self, samples: int, steps: int) -> bool:
-        """Return whether events should be sought now, after so many samples and steps of the run; if they may end it, up
-        to each sample.
-        """
+        """Return whether to seek events after so many samples and steps of the run; if they may end it, after each."""
         return samples >= self._most or steps >= MANY // 2
 
     def that_may_find(self, samples: Sequence[Sample]) -> list[list[int]]:
