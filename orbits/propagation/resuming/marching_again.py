@@ -136,7 +136,7 @@ class Replay:
             from orbits.propagation.resuming.from_checkpoint import march_at
 
             rows = lost_by_the_end(march_at(run, checkpoint), run)
-        return RetiredParticles.of(run.system, run.clock, rows)
+        return RetiredParticles.of(run.system, run.clock, rows, run.changes)
 
     def stopped(self, run: Trajectory) -> Stop:
         """Return why and where a run in an archive was ended."""
