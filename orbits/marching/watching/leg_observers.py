@@ -164,7 +164,7 @@ class Observers:
             self._touched = np.zeros(len(particles) + 1, dtype=np.int64)
             self._touched_own = np.zeros(len(particles), dtype=np.int64)
             rough = collisions.roughness(problem.integrator.order)
-            self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
+            self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)].copy(), rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
         observed = len(self._stops) or self._collide or problem.approaches or problem.sees_all_steps
