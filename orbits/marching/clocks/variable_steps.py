@@ -81,6 +81,7 @@ def is_number(x: object) -> bool:
 class ChangingSteps(Clock):
     """Base of clocks whose steps differ in length: their readings are times. They resolve passages by themselves."""
 
+    changes: ClassVar[bool] = True
     passage_limits: ClassVar[tuple[float, float, float] | None] = math.inf, 1.0, math.inf
     lets_particles_choose: ClassVar[bool] = True
 
@@ -88,11 +89,6 @@ class ChangingSteps(Clock):
     def h(self) -> float:  # type: ignore[override]
         """NaN: the steps have no common length."""
         return math.nan
-
-    @property
-    def changes(self) -> bool:
-        """Whether steps differ in length."""
-        return True
 
     def failure(
         self, status: int, integrator: Integrator, names: Sequence[str], *, momenta: bool, forces: bool

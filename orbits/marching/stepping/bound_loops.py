@@ -224,7 +224,7 @@ class BoundLoops:
             return
         bound = self.bound(clock, self.times)
         bodies = State(*(state[name] for name in ("q", "q_lo", "v", "v_lo")))
-        columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
+        columns = _particles_in(state)
         gone = np.zeros((columns.q.shape[1], 2), dtype=np.int64) if retired is None else retired
         particles = columns, state["particle_memory"], gone
 
@@ -300,7 +300,7 @@ class BoundLoops:
         sources = state, coefficients, *self._record, retired, watcher, self._now
         known, records = self._bound_to[watcher is None]
         if not all(map(is_, sources, known)):
-            columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
+            columns = _particles_in(state)
             clocks = state.get("particle_clock", np.zeros((0, COLUMNS)))
             records = (
                 Block(
@@ -318,3 +318,8 @@ class BoundLoops:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
+
+
+def _particles_in(state: dict[str, Array]) -> Columns:
+    """Return the positions and velocities of the massless particles in a state."""
+    return Columns(*[state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")])
