@@ -13,6 +13,7 @@ from orbits.events import FartherThan
 from orbits.marching.watching import passage_list
 from orbits.marching.watching.passage_list import UNKNOWN
 from orbits.methods import RungeKutta4
+from orbits.propagation.checks import unresolved_passages
 from orbits.propagation.marchers import bound
 from orbits.results.approach import said
 from tests.encounters import APOPHIS_MISS, apophis_2029, comet
@@ -285,6 +286,21 @@ def test_pericentres_that_spoil_a_run_together_are_told_though_none_does_by_itse
     true = orbits.propagate(system, GAUSS, dt=period / 3000, duration=100 * period, samples=2).q[-1, 1] - run.q[-1, 1]
     together = sum(p.error.value for p in run.unresolved())
     assert together == pytest.approx(np.linalg.norm(true).value, rel=0.3)
+
+
+def test_passages_that_cannot_be_noticed_even_together_are_not_marched_again(monkeypatch):
+    judged = []
+    effect = unresolved_passages.effect
+    monkeypatch.setattr(unresolved_passages, "effect", lambda *given: judged.append(given[2]) or effect(*given))
+    run, _ = told(belt(20), orbits.Gauss(stages=4), 12 * u.day, 20 * u.yr)
+    massless = [pair for pair in judged if pair.share == 1.0]
+    assert massless == []
+    assert len(judged) > 20  # Mercury's
+    found = [(approach.body, approach.time.value) for approach in run.unresolved()]
+    monkeypatch.setattr(unresolved_passages, "NEARER", 0.0)
+    judged.clear()
+    assert [(approach.body, approach.time.value) for approach in run.unresolved()] == found
+    assert len([pair for pair in judged if pair.share == 1.0]) > 10
 
 
 def test_a_softened_fall_is_judged_by_its_softened_speed_and_ends():

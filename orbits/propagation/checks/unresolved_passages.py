@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 LEAST_SHARE = 1e-3
 """Fraction of a noticeable error below which even a thousand passages of a pair have no noticeable effect together."""
 
+NEARER = 0.1
+"""A body ends a run at no less than this fraction of its distance from the primary in a passage: what is noticeable is
+that fraction of what is noticeable there, on the safe side."""
+
 MOST_JUDGED = 300
 """The most passages that are marched one by one after a run, in a second; if there are more, the worst ones."""
 
@@ -78,7 +82,7 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
     if run.integrator.follows_kepler:
         return [(k, math.nan) for k in encounters(run.system, run.integrator, run.step, seen, run.excursions)]
     end = _end(run, seen)
-    bounds = {k: bound for k in range(len(seen.passages)) if (bound := _most(run, seen, seen.passages[k], end)) > 0.0}
+    bounds = _in_doubt(run, seen, end)
     judged: dict[frozenset[int], list[tuple[int, Effect]]] = {}
     for k in sorted(bounds, key=lambda k: -bounds[k])[:most]:
         caused = _effect(run, seen, k)
@@ -91,6 +95,21 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
         spoilt = together > max(caused.limit for _, caused in effects)
         found += [(k, caused.error) for k, caused in effects if spoilt or _spoils(run, seen, k, caused)]
     return sorted(found, key=lambda pair: -pair[1])
+
+
+def _in_doubt(run: Trajectory, seen: Seen, end: float) -> dict[int, float]:
+    """Return bounds of the errors at the end of a run that passages cause, of those pairs whose passages may cause a
+    noticeable one together.
+    """
+    pairs: dict[frozenset[int], dict[int, float]] = {}
+    least: dict[frozenset[int], float] = {}
+    for k, passage in enumerate(seen.passages):
+        bound, noticeable = _most(run, seen, passage, end)
+        if bound > LEAST_SHARE * noticeable:
+            of = _pair_of(seen, k)
+            pairs.setdefault(of, {})[k] = bound
+            least[of] = min(least.get(of, math.inf), NEARER * noticeable)
+    return {k: bound for of, bounds in pairs.items() if sum(bounds.values()) > least[of] for k, bound in bounds.items()}
 
 
 def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
@@ -231,21 +250,22 @@ def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
     return passage.step - (abs(float(before[-1]) / run.step) if len(before) else 0.0) <= FEW_STEPS
 
 
-def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> float:
-    """Return a bound of the error at the end of the run caused by a passage; 0 for one that cannot spoil it."""
+def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> tuple[float, float]:
+    """Return a bound of the error at the end of the run caused by a passage, 0 for one that cannot spoil it, and the
+    error that would be noticeable at the distance from the primary in the passage.
+    """
     pair = Pair.of(passage, run.system, run.clock, seen.dominant)
     if pair is None:
-        return 0.0
+        return 0.0, math.inf
     e, angle = pair.shape(run.step)
     left = abs(end - run.clock.time(passage.step)) + abs(run.step)
     around = pair.other_q + pair.q if pair.other_q.any() else pair.q
-    worth = LEAST_SHARE * NEGLIGIBLE * float(np.linalg.norm(around))
+    noticeable = NEGLIGIBLE * float(np.linalg.norm(around))
     turn = passage.speed * min(2.0, 2.0 / max(e, 1e-300))
-    if not GROWTH * turn * left > worth:
-        return 0.0
+    if not GROWTH * turn * left > LEAST_SHARE * noticeable:
+        return 0.0, noticeable
     share, turned = passage_error(run.integrator, e, angle)
-    bound = GROWTH * pair.share * share * turned * passage.speed * left
-    return bound if bound > worth else 0.0
+    return GROWTH * pair.share * share * turned * passage.speed * left, noticeable
 
 
 def _end(run: Trajectory, seen: Seen) -> float:
