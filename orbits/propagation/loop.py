@@ -141,12 +141,12 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
                 try:
                     particles = ParticlesOfRun(run)
                     complete = yield from _sample(run, store, bar, stop, particles)
-                    watch.events.flush()
+                    watch.events.complete()
                     particles.end()
                 except (IntegrationError, Raised) as error:
                     failure = error.error if isinstance(error, Raised) else error
                     with suppress(EventError, Raised):
-                        watch.events.flush()
+                        watch.events.complete()
                 store.ended = _how(run, complete, failure, stop)
                 store.commit(marcher)
                 bar.update(_reached(run, complete), marcher.step)
@@ -175,11 +175,12 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     trajectory.stopped = watch.stopped
     trajectory._span = 0.0, _reached(run, complete)
     trajectory._events = watch.events.table()
-    trajectory._retired = RetiredParticles.of(system, grid.clock, lost_by_the_end(marcher, trajectory))
+    trajectory.changes = marcher.changes()
+    lost = lost_by_the_end(marcher, trajectory)
+    trajectory._retired = RetiredParticles.of(system, grid.clock, lost, trajectory.changes)
     excursions = marcher.excursions()
     if excursions is not None:
         trajectory._excursions = Excursions.of(system, grid.clock, *excursions)
-    trajectory.changes = marcher.changes()
     if marcher.changed:
         trajectory._kept = None  # steps are of the bodies of the start
     elif not grid.clock.changes:

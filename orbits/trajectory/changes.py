@@ -100,6 +100,11 @@ class Changes:
         """Whether the momentum of all bodies was changed, beyond round-off."""
         return bool(np.any(self.rows[:, IMPULSE:]))
 
+    def vanished(self) -> dict[int, float]:
+        """Return the times at which bodies were gone, by their numbers."""
+        gone = self.rows[self.rows[:, GM] == GONE]
+        return dict(zip(gone[:, BODY].astype(int).tolist(), gone[:, TIME].tolist(), strict=True))
+
     def before(self, times: Array) -> NDArray[np.intp]:
         """Return how many rows there are up to each of some times (m,), including those at that time."""
         return np.searchsorted(self.rows[:, TIME] * self._direction, times * self._direction, side="right")

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from orbits.marching.clocks.constant import Clock
     from orbits.system import System
+    from orbits.trajectory.changes import Changes
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ class RetiredParticle:
 
     name : of the body; reason : in words
     step : number of steps of the run that it took; time : after these steps, since the epoch; in a run without dt,
-        after the steps of its own that it took beyond
+        after the steps of its own that it took beyond; of one that merged, the time of the impact
     date : the time as a Time (TDB), or None without an epoch
     q, v : its last state, (3,), at that time
     """
@@ -57,16 +58,23 @@ class RetiredParticles(Tabled, Sequence[RetiredParticle]):
 
     @classmethod
     def of(
-        cls, system: System, clock: Clock, rows: Iterable[tuple[int, int, float, str, Array, Array]]
+        cls,
+        system: System,
+        clock: Clock,
+        rows: Iterable[tuple[int, int, float, str, Array, Array]],
+        changes: Changes | None,
     ) -> RetiredParticles:
         """Return particles from rows of (body, step, reading, reason, q, v), in the units of the system, by the run's
         clock.
+
+        changes : of the bodies of the run, which have the times of mergers
         """
         rows = list(rows)
         units, epoch = system.units, system.epoch if rows else None
+        vanished = {} if changes is None else changes.vanished()
         particles = []
         for body, step, reading, reason, q, v in rows:
-            time = u.Quantity(clock.time(reading), units.time)
+            time = u.Quantity(vanished.get(body, clock.time(reading)), units.time)
             date = None if epoch is None else written(epoch + time)
             place, speed = u.Quantity(q, units.length), u.Quantity(v, units.speed)
             particles.append(RetiredParticle(system.names[body], reason, step, time, date, place, speed))

@@ -332,6 +332,10 @@ def test_massless_bodies_vanish_into_massive_ones_and_change_no_bit_of_the_other
     assert np.array_equal(run[-1].gm, system.gm[stay])
     assert set(run.retired.names) == set(gone)
     assert {particle.reason for particle in run.retired} == {"it merged with a body that it hit"}
+    times = {event.other: event.time for event in run.events}
+    for particle in run.retired:  # where it hit, when it did
+        assert particle.time == times[particle.name]
+        assert particle.step == particle.time // run.dt
 
 
 def test_what_passes_within_a_step_is_found_though_both_ends_are_outside() -> None:

@@ -59,6 +59,28 @@ def parabola(a, b):
     return lambda t: (t - a) * (t - b)
 
 
+class Bulging(Still):
+    """Steps whose rough motion is off by a parabola between their ends."""
+
+    size = 1e3
+
+    def at(self, steps, fractions, rough=False):
+        t, q, v = super().at(steps, fractions)
+        q[:, 0, 0] = self.size * fractions * (1.0 - fractions) * rough
+        return t, q, v
+
+    def at_checks(self, steps, fractions):
+        numbers = np.arange(steps.start, steps.stop)
+        return self.at(np.repeat(numbers, len(fractions)), np.tile(fractions, len(numbers)), rough=True)
+
+
+class OnTheWay(Bound):
+    """The sine of time, and how far a body is."""
+
+    def values(self, t, q, v, columns):
+        return (np.sin(t) + q[:, 0, 0])[:, None]
+
+
 EDGES = np.append(CHECKS, 1.0)
 
 
@@ -198,3 +220,16 @@ def test_what_may_be_round_off_is_judged_by_all_directions_and_what_is_far_above
     state = np.zeros(1), np.ones((1, 2, 3)), np.ones((1, 2, 3))
     assert are_clear(Watched(("falls", "rises"), [(0, 1)]), zero, np.ones(1), 1.0, *state).tolist() == [clear]
     assert len(np.unique(directions, axis=0)) == len(directions) == tried
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["forwards", "backwards"])
+@pytest.mark.parametrize("size", [1e3, -1e3])
+def test_functions_of_which_the_rough_motion_tells_little_are_zero_where_their_sign_changes(size, sign):
+    stretch = Bulging(sign * np.arange(0.5, 30.0))
+    stretch.size = size
+    for words, first, period in ((("falls", "rises"), 1, 1), ((None, "rises"), 2, 2), (("falls", None), 1, 2)):
+        ((found, _),) = zeros_of([OnTheWay(words, [(-1, -1)])], stretch)
+        expected = sign * np.pi * np.arange(first, 10, period)
+        # Fractions of steps are found to 1e-15, times up to 30 rounded to 3.6e-15: 7e-15 seen.
+        np.testing.assert_allclose(stretch.at(found.steps, found.fractions)[0], expected, rtol=0.0, atol=2e-14)
+        assert (found.rising == (np.cos(expected) > 0.0)).all()

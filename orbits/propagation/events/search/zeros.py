@@ -99,13 +99,39 @@ def _zeros(bound: Bound, stretch: Stretch, found: list[Brackets]) -> Zeros:
         parts.append((exact, _parted(exact, near)[0]))
     words = np.array([word is not None for word in bound.words])
     parts = [(along, some.of(words[_rises(some, stretch).astype(int)])) for along, some in parts]
-    at, there = (np.concatenate(each) for each in zip(*(_refined(along, exact, p) for along, p in parts), strict=True))
+    refined = [_refined(along, exact, p) for along, p in parts]
     some = Brackets.joined([each for _, each in parts])
+    whole = _whole_steps(bound, stretch, some, np.concatenate([there for _, there in refined]))
+    whole = whole.of(words[_rises(whole, stretch).astype(int)])
+    refined.append(_refined(exact, exact, whole))
+    at, there = (np.concatenate(each) for each in zip(*refined, strict=True))
+    some = Brackets.joined([some, whole])
     rising, k, c = _rises(some, stretch), some.steps, some.columns
     sizes = NEAR_BY * np.abs(some.g_high - some.g_low) / (some.high - some.low)
     every = np.flatnonzero(there)
     order = every[np.lexsort((c[there], at[there], k[there]))]
     return Zeros(k[order], at[order], c[order], rising[order], sizes[order])
+
+
+def _whole_steps(bound: Bound, stretch: Stretch, some: Brackets, there: NDArray[np.bool_]) -> Brackets:
+    """Return the steps at whose ends, as they were marched, a function has different signs, but in which no zero of the
+    rough motion led to one: that may be off by more than what the function changes in the step.
+
+    there : which brackets led to zeros
+    """
+    keys = some.steps * len(bound.pairs) + some.columns
+    k, c = np.divmod(np.setdiff1d(keys, keys[there]), len(bound.pairs))
+    if not len(k):
+        return some.of(k)
+    t, q, v = stretch.ends()
+    g, g_end = (bound.at(t[i], q[i], v[i], c) for i in (k, k + 1))
+    changes = (g >= 0.0) != (g_end >= 0.0)
+    k, c, g, g_end = k[changes], c[changes], g[changes], g_end[changes]
+    if not len(k):
+        return some.of(k)
+    exact, low, high = _along(bound, stretch, False), np.zeros(len(k)), np.ones(len(k))
+    first, last = (exact(k, x + APART, c) - exact(k, x, c) for x in (low, high - APART))
+    return Brackets(k, c, low, high, g, g_end, first, last, np.zeros(len(k), dtype=bool))
 
 
 def _rises(some: Brackets, stretch: Stretch) -> NDArray[np.bool_]:
