@@ -207,7 +207,7 @@ class Contexts:
         self._integers, self._numbers = whole.cast("q"), whole.cast("d")
         self._kept: dict[str, Any] = {}
         self._own: list[tuple[NDArray[np.int64], Any, tuple[int, ...]]] = []  # the places and words of `follow`
-        first = address_of(self._words)
+        first = self._words.__array_interface__["data"][0]
         self.addresses = [first + 8 * WORDS * k for k in range(count)]
 
     def __getstate__(self) -> None:
@@ -265,11 +265,5 @@ def _described(name: str, array: NDArray[Any]) -> tuple[int, ...]:
             f"{name} must be a contiguous array of {dimensions} dimensions of {expected}, got "
             f"{array.ndim} of {array.dtype}"
         )
-    return address_of(array), *array.shape
-
-
-def address_of(array: NDArray[Any]) -> int:
-    """Return the address of a contiguous array that can be written; 0 for an empty one. (NumPy's own ways make objects
-    for it, in four times the time.)
-    """
-    return addressof(c_char.from_buffer(array.data)) if array.size else 0
+    # In a quarter of the time that NumPy takes to tell the address.
+    return addressof(c_char.from_buffer(array.data)) if array.size else 0, *array.shape

@@ -10,7 +10,6 @@ import numpy as np
 
 from orbits.integrators.forms import Array, padded
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.search.context import address_of
 
 KEPT_BYTES = 1 << 24
 """Memory of up to twice this size stays with the process when runs free it, for the next ones: the C library of Linux
@@ -26,7 +25,7 @@ def aligned(*shapes: tuple[int, ...], made: Callable[[int], Array] = np.zeros) -
     """
     total, places = _places(shapes)
     memory = made(total)
-    first = -(address_of(memory) // memory.itemsize) % WIDTH
+    first = -(memory.__array_interface__["data"][0] // memory.itemsize) % WIDTH
     return [memory[first + begin : first + end].reshape(shape) for shape, begin, end in places]
 
 
