@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
+from weakref import proxy
 
 import numpy as np
 from astropy import units as u
@@ -161,7 +162,9 @@ class ParticlesOfRun:
     def __init__(self, run: Run) -> None:
         values, clock = run.system.values, run.grid.clock
         begun = run.watch.before or Sample(0.0, values.q, values.v)
-        self._watch, self._marcher = run.watch, run.marcher.current
+        # No circle of references: its events call `seek`, and a run has megabytes.
+        self._watch: RunEnds = proxy(run.watch)
+        self._marcher = run.marcher.current
         self._followed = ParticleSearches(run.system, run.integrator, clock, run.watch.events, begun)
         self._clock, self._kept = clock, self._now()
         self._waiting: list[Sample] = []
