@@ -44,7 +44,10 @@ def checked_names(names: Any) -> tuple[str, ...]:
     if len(set(result)) < len(result):
         twice = next(name for name in result if result.count(name) > 1)
         places = [i for i, name in enumerate(result) if name == twice]
-        raise InputError(f"bodies {places[0]} and {places[1]} are both called {shown(twice)}; give each its own name.")
+        raise InputError(
+            f"bodies {places[0]} and {places[1]} are both called {shown(twice)}; expected each body once, with a name "
+            "of its own."
+        )
     return tuple(result)
 
 

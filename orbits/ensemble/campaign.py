@@ -37,8 +37,10 @@ LENGTHS, ANGLES, TIMES = ("a_min", "a_max", "closest"), ("inc_min", "inc_max"), 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a campaign is: blocks and members that are done, failed, and of the whole.
+    """How far a campaign is.
 
+    blocks, done, failed : numbers of blocks: all, those that are done, and those of which nothing could be integrated
+    members, members_done : all members, and those of blocks that are done
     survivors : members that were integrated to the end;  seconds : of work of all workers so far
     members_failed : members that could not be integrated, of failed blocks and of blocks that are done
     """

@@ -40,16 +40,18 @@ class ChainOfLegs(March):
     """A march of a system whose bodies collide, or are changed by events.
 
     bodies : those of the run, at its start; events : of the run, where collisions are listed
+    room : for changes, in its checkpoint; None for what the collisions need
 
     current : the march of those that are there now
     """
 
-    def __init__(self, bodies: BodiesOfRun, events: Seeking) -> None:
+    def __init__(self, bodies: BodiesOfRun, events: Seeking, room: int | None = None) -> None:
         system, clock, collisions = bodies.system, bodies.clock, bodies.collisions
         self.system, self.clock, self.bodies, self._events = system, clock, bodies, events
         self._contacts = None if collisions is None else Contacts(bodies, collisions, events)
         self._seeks = collisions is not None and bool(events)  # other events, from collision to collision
-        self._room = 2 * len(system) if collisions is not None and collisions.only_merges else ROOM
+        few = collisions is not None and collisions.only_merges
+        self._room = room or (2 * len(system) if few else ROOM)
         self._work = np.zeros((len(system.forces), 7))
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
         self._leg = self.bodies.march(system.values.q, system.values.v, clock)

@@ -141,12 +141,12 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
                 try:
                     particles = ParticlesOfRun(run)
                     complete = yield from _sample(run, store, bar, stop, particles)
-                    watch.events.flush()
+                    watch.events.complete()
                     particles.end()
                 except (IntegrationError, Raised) as error:
                     failure = error.error if isinstance(error, Raised) else error
                     with suppress(EventError, Raised):
-                        watch.events.flush()
+                        watch.events.complete()
                 store.ended = _how(run, complete, failure, stop)
                 store.commit(marcher)
                 bar.update(_reached(run, complete), marcher.step)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
+from weakref import proxy
 
 import numpy as np
 from astropy import units as u
@@ -163,36 +164,51 @@ class ParticlesOfRun:
     def __init__(self, run: Run) -> None:
         values, clock = run.system.values, run.grid.clock
         begun = run.watch.before or Sample(0.0, values.q, values.v)
-        self._watch, self._marcher = run.watch, run.marcher.current
+        # No circle of references: its events call `seek`, and a run has megabytes.
+        self._watch: RunEnds = proxy(run.watch)
+        self._marcher = run.marcher.current
         self._followed = ParticleSearches(run.system, run.integrator, clock, run.watch.events, begun)
         self._clock, self._kept = clock, self._now()
+        self._waiting: list[Sample] = []
+        self._step, self._end = self._marcher.step, float(run.grid.goals[-1])
+        run.watch.events.seek_of_particles = self.seek
 
     def __bool__(self) -> bool:
         """Whether there are any."""
         return bool(self._followed)
 
     def reach(self, sample: Sample) -> bool:
-        """Seek events up to the next sample, before it is stored; return whether one of them ends the run."""
+        """Take the next sample, before it is stored; return whether an event up to it ends the run. Events that only
+        record are sought up to several samples at once.
+        """
         if not self._followed:
             return False
-        if self._ends_by(sample.time, sample):
-            return True
-        self._followed.go_on(Sample(sample.time, sample.q.copy(), sample.v.copy()))
-        self._kept = self._now()
+        self._waiting.append(Sample(sample.time, sample.q.copy(), sample.v.copy()))
+        enough = self._followed.enough(len(self._waiting), self._marcher.step - self._step)
+        return (enough or sample.time == self._end) and self.seek()  # no run is complete before its events are known
+
+    def seek(self) -> bool:
+        """Seek events up to the last sample that was taken; return whether one of them ends the run."""
+        waiting, self._waiting, self._step = self._waiting, [], self._marcher.step
+        for sample, searches in zip(waiting, self._followed.that_may_find(waiting), strict=True):
+            if searches and self._ends_by(sample.time, sample, searches):
+                return True
+            self._followed.go_on(sample)
+            self._kept = self._now()
         return False
 
     def end(self) -> None:
         """Seek events up to the time at which the run was ended, if it was; an earlier one ends it instead."""
         stopped = self._watch.stopped
         if self._followed and stopped is not None:
-            self._ends_by(float(stopped.time.value), None)
+            self._ends_by(float(stopped.time.value))
 
-    def _ends_by(self, time: float, end: Sample | None) -> bool:
+    def _ends_by(self, time: float, end: Sample | None = None, searches: Sequence[int] | None = None) -> bool:
         if (time - self._followed.last.time) * self._clock.direction <= 0.0:
             return False
         watch, marcher = self._watch, self._marcher
         lost = {one.body: float(self._clock.time(one.reading)) for one in marcher.retired()}
-        first = self._followed.seek(time, lost, end)
+        first = self._followed.seek(time, lost, end, searches)
         if first is None:
             return False
         search, found = first

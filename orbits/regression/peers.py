@@ -329,6 +329,8 @@ def _handlers(peer: Peer) -> Iterator[list[warnings.WarningMessage]]:
             yield caught
         except failures as error:
             raise IntegrationError(f"{peer.label} stopped: {str(error).strip() or type(error).__name__}") from error
+        except Interrupted:
+            raise
         except KeyboardInterrupt:
             raise Interrupted("stopped by Ctrl-C") from None
         finally:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -93,9 +96,12 @@ Beat = Annotated[
 
 @contextmanager
 def guarded() -> Iterator[None]:
-    """End the process with errors on one line, and exit code 2 for wrong use, 1 for a failure."""
+    """End the process with errors on one line, and exit code 2 for wrong use, 1 for a failure, 130 after a signal."""
+    if not sys.stdout.encoding.lower().startswith("utf") and isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show a letter gets the others
     try:
-        yield
+        with _signals_interrupt():
+            yield
         sys.stdout.flush()
     except OutOfTime as error:
         stderr().print(f"[bold yellow]stopped:[/] {escaped(str(error))}", soft_wrap=True)
@@ -122,6 +128,26 @@ def guarded() -> Iterator[None]:
         what = f"{type(error).__name__}: {' '.join(str(error).split())}; this is a bug in orbits: please report it"
         stderr().print(f"[bold red]error:[/] {escaped(what)}", soft_wrap=True)
         raise SystemExit(1) from None
+
+
+@contextmanager
+def _signals_interrupt() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end what is done here as Ctrl-C does, also where no run is marched."""
+
+    def stop(number: int, _: Any) -> None:
+        raise Interrupted(f"stopped by {signal.Signals(number).name}")
+
+    known = (getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
+    taken = [number for number in known if signal.getsignal(number) == signal.SIG_DFL]
+    if threading.current_thread() is not threading.main_thread():
+        taken = []
+    for number in taken:
+        signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
 
 
 SOON = 5.0

@@ -146,10 +146,12 @@ class Conservation:
 
     if TYPE_CHECKING:  # set by `Trajectory`
         system: System
-        times: Array
         changes: Changes | None
         _q: Samples
         _v: Samples
+
+        @property
+        def times(self) -> Array: ...
 
         def __len__(self) -> int: ...
 

@@ -103,8 +103,8 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
             raise InputError(f"system is {shown(system)}; expected the System at the start of the run.")
         if not hasattr(integrator, "label"):
             raise InputError(f"integrator is {shown(integrator)}; expected a method such as orbits.Gauss(stages=8).")
-        self.times = finite_numbers(times, "times")
-        if self.times.ndim != 1:
+        self._times = finite_numbers(times, "times").copy()
+        if self._times.ndim != 1:
             raise InputError(f"times has shape {self.times.shape}; expected one time for each sample, shape (n,).")
         expected = (len(self.times), len(system), 3)
         shapes = tuple(getattr(x, "shape", None) for x in (q, v))
@@ -202,6 +202,11 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
                 raise InputError(f"this run took {self.clock.describe(self.integrator)}, so it has no dt.")
             raise InputError(f"{self.integrator.label} has adaptive steps, so this run has no dt.")
         return u.Quantity(abs(self.step), self.system.units.time)
+
+    @property
+    def times(self) -> Array:
+        """Times since the epoch in the system's unit of time, shape (n,), read-only."""
+        return as_array(self._times)
 
     @property
     def q(self) -> u.Quantity:

@@ -1,5 +1,6 @@
 """The command line: what it prints, what it exits with, and that no traceback is ever seen."""
 
+import io
 import json
 import os
 import re
@@ -433,6 +434,24 @@ def test_a_run_that_is_interrupted_ends_with_its_own_exit_code_and_what_it_says(
         raise Interrupted("stopped by SIGTERM at 3 of 7 d")
     assert caught.value.code == 130
     assert "stopped by SIGTERM at 3 of 7 d" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_where_no_run_is_marched_ends_a_command_as_in_a_run(number, capsys):
+    before = signal.getsignal(number)
+    with pytest.raises(SystemExit) as caught, guarded():
+        signal.raise_signal(number)
+    assert caught.value.code == 130
+    assert f"stopped by {number.name}" in capsys.readouterr().err
+    assert signal.getsignal(number) == before
+
+
+def test_letters_that_a_terminal_cannot_show_do_not_end_a_command(monkeypatch):
+    shown = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(shown, encoding="ascii"))
+    with guarded():
+        print("max |ΔE/E|")
+    assert shown.getvalue() == b"max |?E/E|\n"
 
 
 def test_the_help_of_compare_lists_all_peers():

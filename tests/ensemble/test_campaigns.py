@@ -492,7 +492,7 @@ def test_a_killed_process_is_replaced_and_its_blocks_are_done_again(tmp_path):
 
     thread = threading.Thread(target=kill, daemon=True)
     thread.start()
-    longer = {**OPTIONS, "duration": 4000 * u.yr}
+    longer = {**OPTIONS, "duration": 2500 * u.yr}
     campaign = ensemble.run(belt(64), tmp_path / "c", block=16, workers=1, processes=True, say=told.append, **longer)
     thread.join()
     assert any("its worker was lost; it is done again" in line for line in told)

@@ -5,7 +5,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.errors import ConvergenceError, EventError, InputError, RetiredWarning
+from orbits.errors import ArchiveError, ConvergenceError, EventError, InputError, RetiredWarning
 from orbits.events import (
     Apocentre,
     CloseApproach,
@@ -18,6 +18,7 @@ from orbits.events import (
 )
 from orbits.marching.legs import within_step
 from orbits.propagation.events import asked
+from orbits.propagation.events.search.of_particles import TOGETHER, ParticleSearches
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 from orbits.trajectory.events import NUMBER
 
@@ -157,6 +158,51 @@ def test_neither_the_run_nor_other_events_change_by_a_bit(dt):
     np.testing.assert_array_equal(*rows)
 
 
+DENSE = {"duration": 9.0, "samples": 151}
+
+
+def one_by_one(patch):
+    """Seek events from each sample to the next, whatever the motion through several of them excludes."""
+    patch.setattr("orbits.propagation.events.search.of_particles.TOGETHER", 1)
+
+
+@STEPS
+def test_what_is_sought_between_few_of_many_samples_is_all_that_there_is_to_the_bit(dt, monkeypatch):
+    sought_between, real = [], ParticleSearches._one
+    monkeypatch.setattr(ParticleSearches, "_one", lambda *given: sought_between.append(0) or real(*given))
+    times = sought(SEVERAL, dt=dt, **DENSE).events.time.value
+    assert len(times) > 8
+    assert len(sought_between) < 0.25 * 150  # a fifth; two samples around each zero, those that are no events as well
+    even = np.linspace(0.0, 9.0, 91)
+    options = {"dt": dt, "duration": 9.0, "samples": np.unique([*even, *times, *times - 1e-15, *times + 1e-9])}
+    together = sought(SEVERAL, **options).events
+    one_by_one(monkeypatch)
+    same(together, sought(SEVERAL, **options).events)
+
+
+@pytest.mark.parametrize("off", [-1e-9, 1e-9, 0.05])
+def test_a_motion_through_many_samples_that_is_off_hides_no_event(off, monkeypatch):
+    """Far off, as in chaos; or a little, so that the event is before the last of these samples on one of the two."""
+    real, time = ParticleSearches._motions, sought(Pericentre("dust")).events.time.value[0]
+
+    def astray(self, number, time, end):
+        known = self._last
+        if time - known.time > 1.0:
+            self._last = known._replace(q=(1.0 + off) * known.q)
+        try:
+            yield from real(self, number, time, end)
+        finally:
+            self._last = known
+
+    monkeypatch.setattr(ParticleSearches, "_motions", astray)
+    for apart in (-1e-10, 1e-10):
+        before = np.linspace(0.0, time, TOGETHER - 1, endpoint=False)
+        samples = [*before, time + apart, *np.linspace(time + 0.1, 6.0, 9)]
+        found = sought(Pericentre("dust"), duration=6.0, samples=samples).events.time.value
+        assert len(found) == 2
+        assert found[0] == pytest.approx(time, rel=0.0, abs=1e-12)
+
+
 class Halted(Exception):
     """Ends a run from within."""
 
@@ -186,6 +232,48 @@ def test_an_interrupted_and_resumed_run_has_the_same_table(tmp_path, dt):
     again = orbits.Trajectory.open(path)
     same(again.events, whole.events)
     again.close()
+
+
+def test_a_run_that_ends_between_samples_looked_at_together_has_their_events_and_goes_on(tmp_path):
+    def halt(t, state):
+        if t.value > 5.0:
+            raise Halted
+
+    whole, path = sought(STORED, **DENSE).events, tmp_path / "run.h5"
+    with pytest.raises(Halted):
+        sought(STORED, archive=path, callback=halt, **DENSE)
+    early = orbits.Trajectory.open(path)
+    before = whole.time.value < early.times[-1]
+    assert 3 < len(early.events) < len(whole)
+    np.testing.assert_array_equal(early.events._rows, whole._rows[before])
+    early.close()
+    run = orbits.resume(path)
+    same(run.events, whole)
+    run.close()
+
+
+@pytest.mark.parametrize("way", ["not finite", "too many"])
+def test_a_search_that_fails_has_all_events_before_and_its_archive_does_not_go_on(tmp_path, monkeypatch, way):
+    """Samples beyond may have been stored by then."""
+    mine = Event(lambda t, q, v: np.where(t < 5.0, q[:, 3, 0], np.inf), name="mine", bodies="probe")
+    events = [Pericentre("dust"), CloseApproach("probe"), mine]
+    if way == "too many":
+        events = events[:2]
+        for module in ("trajectory.events", "propagation.events.log", "propagation.events.seeking"):
+            monkeypatch.setattr(f"orbits.{module}.MOST_EVENTS", 8)
+        monkeypatch.setattr("orbits.propagation.events.search.of_particles.MOST_EVENTS", 8)
+    runs = []
+    for name in ("together.h5", "one.h5"):
+        with pytest.raises(EventError, match=r"'mine' is inf|more than 8 events of massless") as error:
+            sought(events, archive=tmp_path / name, **DENSE)
+        runs.append(error.value.trajectory)
+        with pytest.raises(ArchiveError, match="the search for its events failed"):
+            orbits.resume(tmp_path / name, events=events)
+        one_by_one(monkeypatch)
+    same(*(run.events for run in runs))
+    assert len(runs[0].events) > 6
+    for run in runs:
+        run.close()
 
 
 @STEPS

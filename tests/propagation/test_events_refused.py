@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from astropy import units as u
+from numba import njit
 
 import orbits
 from orbits.errors import EventError, EventWarning, InputError, UnknownNameError
@@ -329,6 +330,13 @@ def test_a_function_of_a_massless_body_that_the_event_is_not_about_is_told_the_r
 def test_a_function_that_returns_booleans_is_refused():
     with pytest.raises(InputError, match=r"'x' fails .* returned booleans, which do not cross zero; expected numbers"):
         sought(Event(lambda t, q, v: q[:, 1, 0] > 0.0, name="x"))
+    with pytest.raises(InputError, match=r"'x' fails .* returned booleans.* of one t, and of q and v \(bodies, 3\)"):
+        sought(Event(njit(lambda t, q, v: q[1, 0] > 0.0), name="x"))
+
+
+def test_a_compiled_function_of_many_times_is_told_that_it_gets_one():
+    with pytest.raises(InputError, match=r"^[^\n]* of one t, and of q and v \(bodies, 3\), that returns a number"):
+        sought(Event(njit(lambda t, q, v: q[:, 1, 0]), name="x"))
 
 
 def test_times_in_messages_about_functions_have_their_unit():

@@ -410,3 +410,24 @@ def test_a_particle_lost_in_a_step_that_the_run_does_not_take_whole_is_retired(o
         longer = orbits.resume(tmp_path / "run.h5", until=14.0, progress=False)
         assert np.array_equal(longer.q.value, whole.q.value, equal_nan=True)
         assert str(longer.retired) == str(whole.retired)
+
+
+MERGE = orbits.events.Collision("a", "b", then=orbits.events.Merge())
+
+
+@pytest.mark.parametrize(("closing", "changed"), [(0.0, 0), (0.5, 2)], ids=["none merged", "two merged"])
+def test_an_archive_has_who_was_lost_at_the_end_of_a_run_that_seeks_mergers(closing, changed, tmp_path):
+    # It falls into the star within the last part of a step. The planets touch before, or not at all.
+    pair = {"a": {"a": 30.0, "gm": 1e-6, "radius": 0.5}, "b": {"a": 30.3, "gm": 1e-6, "radius": 0.5, "l": 0.1}}
+    start = orbits.System.from_elements({"star": {"gm": 1.0, "radius": 1e-6}, **pair}, units=orbits.DIMENSIONLESS)
+    q, v = start.values.q, start.values.v.copy()
+    v[2] += closing * (q[1] - q[2])
+    start = start.replaced(v=v).add("falls", q=q[0] + [-2.0, 0.0, 0.0], v=v[0], radius=0)
+    options = {"dt": 0.01, "duration": 3.1475, "samples": 3, "check_step": False, "progress": False}
+    with pytest.warns(orbits.errors.RetiredWarning, match="falls"):
+        run = orbits.propagate(start, GAUSS, events=MERGE, archive=tmp_path / "run.h5", **options)
+    assert len(run.changes) == changed
+    known = str(run.retired)
+    assert run.retired["falls"].time.value == pytest.approx(3.14, abs=1e-6)
+    run.close()
+    assert str(orbits.Trajectory.open(tmp_path / "run.h5").retired) == known

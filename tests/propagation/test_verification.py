@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -227,6 +228,27 @@ def test_a_run_with_functions_in_its_events_is_computed_again_if_they_are_given(
     assert found_in(without, "computed").ok is None
     assert "nothing: " in found_in(without, "computed").said
     assert "the same bits" in found_in(orbits.verify(path, events=event), "computed").said
+
+
+def test_a_run_killed_between_an_action_and_the_next_step_of_a_map_is_whole(belt, tmp_path, monkeypatch) -> None:
+    """Bodies go on by chosen steps for the rest of the step, which is not computed again up to there: "DAMAGED"."""
+    monkeypatch.setattr(sample_store, "FIRST_COMMIT_SECONDS", 0.0)
+    monkeypatch.setattr(sample_store, "COMMIT_SHARE", 0.0)
+    path, kept, commit = tmp_path / "run.h5", [], ArchiveWriter.commit
+
+    def copied(writer: ArchiveWriter, *samples: Any) -> None:
+        commit(writer, *samples)
+        kept.append(tmp_path / f"{len(kept)}.h5")
+        shutil.copy(path, kept[-1])
+
+    burn = orbits.events.Event(lambda t, q, v: t - 100.0, then=lambda event, now: now.replaced(v=now.v * 1.0001))
+    follow = orbits.WisdomHolman(encounters="follow")
+    with monkeypatch.context() as during:
+        during.setattr(ArchiveWriter, "commit", copied)
+        orbits.propagate(belt, follow, dt="60 d", duration="360 d", samples=3, events=burn, archive=path).close()
+    states = [orbits.Archive.open(each).checkpoint() for each in kept]
+    assert any(state["change_counts"][0] and state["excursion_counts"][0] for state in states)
+    assert all(orbits.verify(each, events=burn).ok for each in kept)
 
 
 def test_the_command_ends_with_1_for_a_damaged_file_and_has_json(belt, tmp_path) -> None:

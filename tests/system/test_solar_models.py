@@ -29,6 +29,7 @@ def late(run, bodies):
     return orbits.residuals(run, bodies=["Sun", *bodies]).last_tenth()
 
 
+@pytest.mark.nightly
 def test_the_relativistic_model_misses_de440_by_what_it_says():
     found = orbits.solar_model("relativistic").misses_km
     missed = late(run_of("relativistic"), building.APART[1:])
@@ -68,6 +69,7 @@ def test_the_full_model_has_all_bodies_of_de440():
     assert 0.3 < system["Ceres"].gm.value / mass < 0.4
 
 
+@pytest.mark.nightly
 def test_states_of_small_bodies_between_the_dates_of_the_table_are_those_of_a_run():
     system = orbits.System.solar_system(epoch=EPOCH, model="full")
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=2.0, duration=6.0, samples=2, progress=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from pathlib import Path
 
@@ -82,6 +83,16 @@ def test_samples_cannot_be_changed_by_accident(run):
         run.q[0] = 0 * u.au
     with pytest.raises(ValueError, match="read-only"):
         run.v[...] *= 2
+    for one in (run, pickle.loads(pickle.dumps(run))):
+        with pytest.raises(ValueError, match="read-only"):
+            one.times[...] *= 86400.0
+
+
+def test_the_times_of_a_run_are_its_own():
+    times, q, v = floats()
+    run = Trajectory(system(), times, q, v, step=0.125, integrator=METHOD)
+    times[...] = -1.0
+    assert np.array_equal(run.times, floats()[0])
 
 
 def test_epochs_count_from_the_systems(run):

@@ -41,6 +41,7 @@ class Clock:
     """The times of the steps of a run: a frozen value.
 
     timing : the tag by which compiled code identifies it
+    changes : whether steps differ in length
     refined_by : what is made smaller for more accuracy, in words
     lets_particles_choose : whether massless particles have clocks of their own, beside this one of the massive bodies
     passage_limits : which passages are listed, see `thresholds` in `orbits.marching.watching.leg_observers`, if that
@@ -53,16 +54,12 @@ class Clock:
     """
 
     timing: ClassVar[Tag]
+    changes: ClassVar[bool] = False
     refined_by: ClassVar[str] = "dt"
     passage_limits: ClassVar[tuple[float, float, float] | None] = None
     lets_particles_choose: ClassVar[bool] = False
     direction: float
     h: float
-
-    @property
-    def changes(self) -> bool:
-        """Whether steps differ in length."""
-        raise NotImplementedError
 
     def at(self, time: float) -> str:
         """Return a time in words, for messages about a step that begins there."""
@@ -180,11 +177,6 @@ class ConstantSteps(Clock):
     def direction(self) -> float:  # type: ignore[override]
         """1 forwards in time, -1 backwards."""
         return math.copysign(1.0, self.h)
-
-    @property
-    def changes(self) -> bool:
-        """False: all steps have the same length."""
-        return False
 
     def at(self, time: float) -> str:
         """Return a time and the length of the steps in words."""

@@ -33,6 +33,9 @@ time at which a step would end that was refused by the limit, or the time reache
 
 NUMBERS = 11
 
+OF_BODIES = "q", "q_lo", "v", "v_lo", "memory", "clock"
+"""The arrays of a leg that are of its massive bodies."""
+
 FARTHEST = sys.float_info.max
 """The time limit of a march without a goal: finite, as all that archives hold."""
 
@@ -78,6 +81,7 @@ def is_number(x: object) -> bool:
 class ChangingSteps(Clock):
     """Base of clocks whose steps differ in length: their readings are times. They resolve passages by themselves."""
 
+    changes: ClassVar[bool] = True
     passage_limits: ClassVar[tuple[float, float, float] | None] = math.inf, 1.0, math.inf
     lets_particles_choose: ClassVar[bool] = True
 
@@ -85,11 +89,6 @@ class ChangingSteps(Clock):
     def h(self) -> float:  # type: ignore[override]
         """NaN: the steps have no common length."""
         return math.nan
-
-    @property
-    def changes(self) -> bool:
-        """Whether steps differ in length."""
-        return True
 
     def failure(
         self, status: int, integrator: Integrator, names: Sequence[str], *, momenta: bool, forces: bool
@@ -282,26 +281,25 @@ class ChosenTimes(StepTimes):
 
     def behind(self, places: Places) -> Behind:
         """Return where times in the last block lie behind the beginnings of its steps."""
-        return self._behind(places, self.pairs())
+        ends, direction = self.pairs(), self.clock.direction
+        steps = np.searchsorted(ends[:, 0] * direction, places.rests * direction, side="right") - 1
+        return self._behind(places, steps, ends)
 
-    def _behind(self, places: Places, ends: Array) -> Behind:
-        times, direction = places.rests, self.clock.direction
-        steps = np.searchsorted(ends[:, 0] * direction, times * direction, side="right") - 1
-        begun, begun_lo = ends[steps].T
+    def _behind(self, places: Places, steps: NDArray[np.intp], ends: Array) -> Behind:
+        times, (begun, begun_lo) = places.rests, ends[steps].T
         return Behind(steps, self.start + begun, np.where(times == begun, 0.0, (times - begun) - begun_lo))
 
     def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
         """Return the state at the beginning of the first step, beyond the whole steps taken, in which there are some of
         these times; it is the step that is taken without them, whatever they are.
         """
-        copy, direction, counts = leg.stepper.copied(), self.clock.direction, leg.stepper.counts()
-        now, count = copy["clock"], 0
-        now[LIMIT] = self.next_place().rest
-        begun, ends = {}, np.zeros((1, 2))
+        state, direction, counts = leg.stepper.state, self.clock.direction, leg.stepper.counts()
+        begun, ends, count = state, np.zeros((1, 2)), 0
         try:
             while not count:
-                begun = {name: copy[name].copy() for name in ("q", "q_lo", "v", "v_lo", "memory")}
-                ends = now[[TIME, TIME_LO]][None]
+                begun, copy = state, {name: state[name].copy() for name in OF_BODIES}
+                state, now = copy, copy["clock"]
+                ends, now[LIMIT] = now[[TIME, TIME_LO]][None], self.next_place().rest
                 if places.rests[0] == ends[0, 0]:
                     break
                 leg.loop.march_copy(copy, self.clock, 1, particles=False)
@@ -309,11 +307,12 @@ class ChosenTimes(StepTimes):
                 count = int(np.searchsorted(places.rests * direction, now[NEXT] * direction))
         finally:
             leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
-        return begun, self._behind(places.between(0, max(count, 1)), ends)
+        count = max(count, 1)
+        return begun, self._behind(places.between(0, count), np.zeros(count, dtype=np.intp), ends)
 
     def way(self, time: float) -> Way:
         """Return the steps of the clock, which goes on."""
-        return Way(self.clock, self.start, Place(0, time), ("q", "q_lo", "v", "v_lo", "memory", "clock"))
+        return Way(self.clock, self.start, Place(0, time), OF_BODIES)
 
     def hand_on(self, leg: Any, end: Any) -> None:
         """Let a leg begin from the checkpoint of another, and end exactly."""

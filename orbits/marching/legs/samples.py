@@ -131,8 +131,10 @@ class SamplesOfLeg(Samples, LegWatcher):
         state, behind = self._leg.times.ahead_of(self._leg, places)
         count = len(behind.steps) if self._reads_carries else 0
         carries = np.repeat(state["memory"][None], count, axis=0) if count else None
-        begun = np.stack([state[name] for name in ("q", "v", "q_lo", "v_lo")])
-        return self._behind(np.repeat(begun[None], len(behind.steps), axis=0), carries, behind)
+        path = np.empty((len(behind.steps), 4, len(state["q"])))
+        for row, name in enumerate(("q", "v", "q_lo", "v_lo")):
+            path[:, row] = state[name]
+        return self._behind(path, carries, behind)
 
     def accounts(self) -> Array:
         """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -196,11 +197,13 @@ class Stepper:
     def partial_steps(self) -> PartialSteps:
         """Return what takes partial steps of the massive bodies by this method."""
         if self._partial is None:
-            self._partial = PartialSteps(self.form, *self.problem.acting, self._size // 3, self._partial_failure)
+            # No method of the stepper, which would keep its megabytes until Python looks for circles of references.
+            failure = partial(_failure_of_part, self.problem, self.times)
+            self._partial = PartialSteps(self.form, *self.problem.acting, self._size // 3, failure)
         return self._partial
 
-    def _partial_failure(self, status: int, time: float) -> IntegrationError:
-        problem, momenta = self.problem, self.problem.has_momenta
-        return failure_of_bodies(
-            status, self.times.step, time, problem.clock, problem.integrator, [], momenta=momenta
-        )
+
+def _failure_of_part(problem: Problem, times: StepTimes, status: int, time: float) -> IntegrationError:
+    """Return the error for a partial step that cannot be taken from a time."""
+    momenta = problem.has_momenta
+    return failure_of_bodies(status, times.step, time, problem.clock, problem.integrator, [], momenta=momenta)

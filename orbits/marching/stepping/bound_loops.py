@@ -19,7 +19,7 @@ from orbits.marching.following.contract import Block, Followers
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
 from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.stepping import driver
-from orbits.marching.stepping.alignment import aligned, unwritten, zeros_on_demand
+from orbits.marching.stepping.alignment import aligned, unwritten
 from orbits.marching.stepping.parallel import Parallel, shares
 from orbits.marching.stepping.pool import Helpers, Pool
 from orbits.marching.watching.leg_observers import Observers
@@ -111,17 +111,14 @@ class BoundLoops:
         if self._follower is not None:
             shapes |= self._follower.more_arrays(m)
         stages, begun = (self.steps if m else 1, *shape), shapes["memory"] if m else (0, WIDTH)
-        self._stages, *cleared = unwritten(stages, form.scratch_shape(3 * n), *shapes.values(), begun)
-        for array in cleared:
-            array[...] = 0.0
-        self._scratch, *arrays, self._begun = cleared
+        (self._stages,) = unwritten(stages)
+        self._scratch, *arrays, self._begun = aligned(form.scratch_shape(3 * n), *shapes.values(), begun)
         self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=True))
         self.times = np.zeros(clock.room(self.steps, 4 * vector[0] + math.prod(shapes["memory"])))
         self._reads_path = self._follower is not None and self._follower.reads_path
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
-        self._keeps = self._keeps_lows = False
-        self._lows, self._zeros = _NOTHING, zeros_on_demand if clock.changes else np.zeros
+        self._keeps, self._keeps_lows, self._lows = False, False, _NOTHING
         self._record = _NOTHING, self.kicks  # the path and kicks of the block marched last
         self._of_copies: tuple[Array, Array] | None = None
         self._march = driver.march if self.parallel is None else self.parallel.march
@@ -146,7 +143,7 @@ class BoundLoops:
         """Write the initial state; q, v : (n + m, 3), with the numbers of the massive bodies and of the particles."""
         n, m = len(massive), len(particles)
         for name, x in (("q", q), ("v", v)):
-            self.state[name][: 3 * n] = x[massive].T.ravel()
+            self.state[name][: 3 * n].reshape(3, n)[...] = x[massive].T
             self.state[f"particle_{name}"][...] = NOWHERE
             if m:
                 self.state[f"particle_{name}"][:, :m] = x[particles].T
@@ -176,7 +173,9 @@ class BoundLoops:
         kicks = self.kicks if of_march else self.kicks[:0]
         lows = self._lows[:0]
         if self._keeps_lows and path.size and state is self.state:
-            lows = self._lows = self._lows if len(self._lows) >= path.size else self._zeros(path.size)
+            if len(self._lows) < path.size:
+                (self._lows,) = unwritten((path.size,))
+            lows = self._lows
         if self._reads_path:
             self._begun[...] = state["memory"]
             if not path.size:  # but for its own particles
@@ -225,7 +224,7 @@ class BoundLoops:
             return
         bound = self.bound(clock, self.times)
         bodies = State(*(state[name] for name in ("q", "q_lo", "v", "v_lo")))
-        columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
+        columns = _particles_in(state)
         gone = np.zeros((columns.q.shape[1], 2), dtype=np.int64) if retired is None else retired
         particles = columns, state["particle_memory"], gone
 
@@ -301,7 +300,7 @@ class BoundLoops:
         sources = state, coefficients, *self._record, retired, watcher, self._now
         known, records = self._bound_to[watcher is None]
         if not all(map(is_, sources, known)):
-            columns = Columns(*(state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")))
+            columns = _particles_in(state)
             clocks = state.get("particle_clock", np.zeros((0, COLUMNS)))
             records = (
                 Block(
@@ -319,3 +318,8 @@ class BoundLoops:
         if self._pool is not None:
             self._pool.shutdown()
             self._pool = None
+
+
+def _particles_in(state: dict[str, Array]) -> Columns:
+    """Return the positions and velocities of the massless particles in a state."""
+    return Columns(*[state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")])

@@ -23,7 +23,7 @@ from orbits.kernels.search.observers import ENTER, SEARCH, observe, observer_add
 from orbits.kernels.search.record import QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.stepping.alignment import zeros_on_demand
+from orbits.marching.stepping.alignment import unwritten
 from orbits.marching.watching import kepler_passages
 from orbits.marching.watching.kepler_passages import HILL_RADII
 from orbits.marching.watching.passage_list import BlockList
@@ -123,8 +123,7 @@ class Observers:
         passage_angle, least_eccentricity, pericentre_angle = limits
         self._parameters, self._stride = parameters, len(q)
         self.given = form.held(problem.parameters) == len(massive)
-        self._path, self._zeros = _NOTHING, zeros_on_demand if problem.clock.changes else np.zeros
-        self._massive, self._particles = massive, particles
+        self._path, self._massive, self._particles = _NOTHING, massive, particles
         stops = problem.ends.stops
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
@@ -165,7 +164,7 @@ class Observers:
             self._touched = np.zeros(len(particles) + 1, dtype=np.int64)
             self._touched_own = np.zeros(len(particles), dtype=np.int64)
             rough = collisions.roughness(problem.integrator.order)
-            self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)], rough=rough)
+            self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)].copy(), rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
         self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
         observed = len(self._stops) or self._collide or problem.approaches or problem.sees_all_steps
@@ -215,7 +214,7 @@ class Observers:
         """Return the array in which a block of steps is recorded; it grows only as needed, as new memory is slow."""
         size = 2 * (steps + 1) * self._stride
         if len(self._path) < size:
-            self._path = self._zeros(size)
+            (self._path,) = unwritten((size,))
             self.contexts.enter(path=self._path)
         return self._path
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from orbits.propagation.events.base import STOP, Array, Bound, Found, Sample, So
 from orbits.propagation.events.log import PARTICLES, padded_rows, rows_of_particles
 from orbits.propagation.events.search.along_motion import MotionSearch
 from orbits.propagation.events.search.meaning import SAME
-from orbits.trajectory.events import NUMBER, TIME, Events, in_order
+from orbits.trajectory.events import BROKEN, MOST_EVENTS, NUMBER, TIME, Events, in_order
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,6 +34,7 @@ class Seeking(MotionSearch):
     events : as they were given;  direction : of the run in time, 1 or -1
 
     particles : the searches for the events of massless bodies, each on a motion with those of its `subjects`
+    seek_of_particles : seeks their events up to the last sample
     touching, act, stops : see `Asked`
     Raises InputError for events that cannot be sought among these bodies.
     """
@@ -44,6 +45,7 @@ class Seeking(MotionSearch):
         super().__init__(asked, groups.pop((), []), ())
         self.events, self.touching, self.act, self.stops = asked.events, asked.touching, asked.act, asked.stops
         self.particles = [MotionSearch(asked, numbers, bodies) for bodies, numbers in groups.items()]
+        self.seek_of_particles: Callable[[], object] = lambda: None
 
     def follow(self, system: System) -> None:
         """Seek the events among bodies whose masses or radii have changed; `system` is otherwise that of the start."""
@@ -63,6 +65,11 @@ class Seeking(MotionSearch):
                 "events=..."
             )
 
+    def complete(self) -> None:
+        """Seek all events up to the steps and the sample that were taken last; call it before the list is stored."""
+        self.flush()
+        self.seek_of_particles()
+
     def table(self) -> Events:
         """Return what was found so far."""
         rows = [self.log.rows, *(search.log.rows for search in self.particles)]
@@ -77,7 +84,9 @@ class Seeking(MotionSearch):
             logs = [search.log for search in self.particles]
             firm = in_order([log.rows[: log.firm] for log in logs], self._direction)
             later = in_order([log.rows[log.firm :] for log in logs], self._direction)
-            known |= dict(zip(PARTICLES, padded_rows(np.concatenate([firm, later]), len(firm)), strict=True))
+            count = BROKEN if any(log.broken for log in logs) else len(firm)
+            rows = np.concatenate([firm, later])[:MOST_EVENTS]
+            known |= dict(zip(PARTICLES, padded_rows(rows, count), strict=True))
         return known
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], path: Any) -> None:

@@ -10,18 +10,22 @@ import numpy as np
 
 from orbits.errors import ArchiveError
 from orbits.marching.legs.march import March
+from orbits.propagation.chain_of_legs import ChainOfLegs
+from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
 from orbits.propagation.events.archived import sought_again
 from orbits.propagation.events.base import Sample, Sought
 from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.march_of_run import march_of_run
-from orbits.propagation.marchers import restore
+from orbits.propagation.marchers import bound, restore
 from orbits.propagation.resuming.sample_store import accounts_in
 from orbits.system.model import most_inner
 from orbits.time_grid import TimeGrid
 from orbits.trajectory.archived import made_by
+from orbits.trajectory.changes import CHANGES
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
+    from orbits.trajectory import Trajectory
 
 
 def taken_up(
@@ -49,6 +53,20 @@ def taken_up(
         marcher.follow_events()
         _check_place(marcher, grid, committed, path)
     return marcher, seeking, accounts
+
+
+def march_at(run: Trajectory, checkpoint: dict[str, Any]) -> March:
+    """Return the march of a run in an archive at one of its checkpoints, which seeks no events."""
+    assert run.archive is not None
+    system, integrator, clock, approaches = run.system, run.integrator, run.clock, run.archive.approaches
+    marcher: March
+    if CHANGES in checkpoint:
+        bodies = BodiesOfRun(system, integrator, clock, None, None, False, approaches)
+        marcher = ChainOfLegs(bodies, Seeking(system, [], clock.direction), room=len(checkpoint[CHANGES]))
+    else:
+        marcher = bound(system, integrator, clock, approaches=approaches)
+    restore(marcher, checkpoint, run.archive.path)
+    return marcher
 
 
 def last_sample(archive: Archive, committed: int) -> Sample | None:

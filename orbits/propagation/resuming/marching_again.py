@@ -132,12 +132,10 @@ class Replay:
         parts = parts_taken(checkpoint["particle_memory"]) if run.integrator.in_encounters.follow_particles else None
         names = [run.names[k] for k in np.flatnonzero(run.system.massive)]
         rows = retirements(listed, q, v, particles, clocks, parts, names)
-        if run.integrator.in_encounters.follow_planets or (run.changes is None and missing(run, rows)):
-            from orbits.propagation.marchers import bound, restore
+        if run.integrator.in_encounters.follow_planets or missing(run, rows):
+            from orbits.propagation.resuming.from_checkpoint import march_at
 
-            marcher = bound(run.system, run.integrator, run.clock)
-            restore(marcher, checkpoint, str(run.path))
-            rows = lost_by_the_end(marcher, run)
+            rows = lost_by_the_end(march_at(run, checkpoint), run)
         return RetiredParticles.of(run.system, run.clock, rows, run.changes)
 
     def stopped(self, run: Trajectory) -> Stop:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, Interrupted, StorageError
+from orbits.marching.legs.excursions.chosen_steps import COUNTS as EXCURSIONS
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.loop import Run, march_into
@@ -17,6 +18,7 @@ from orbits.propagation.resuming.from_checkpoint import last_sample, taken_up
 from orbits.propagation.run_ends import RunEnds
 from orbits.time_grid import TimeGrid
 from orbits.trajectory.archived import made_by
+from orbits.trajectory.changes import COUNTS as CHANGES
 
 if TYPE_CHECKING:
     from orbits.archive import Archive
@@ -69,6 +71,8 @@ def recomputed(
     if grid is None or (place is not None and int(place[0]["counts"][0]) == int(last["counts"][0])):
         return None
     first = 0 if place is None else place[1]
+    if first == len(grid.goals):
+        return None  # the bodies came back to a map at the last sample
     marcher, seeking, accounts = taken_up(archive, grid, place, events, exactly=True, threads=threads)
     watch = RunEnds(archive.system, marcher, Conditions(()), None, False, seeking, last_sample(archive, first))
     integrator, begun = made_by(archive)[0], marcher.step
@@ -80,9 +84,15 @@ def recomputed(
         raise Interrupted(f"stopped by {stop.name}; not all of {archive.path} was computed again.")
     found = comparing.found
     found.steps = marcher.step - begun
-    if int(comparing.last["counts"][0]) == int(last["counts"][0]):
+    if _place(comparing.last) == _place(last):
         found.checkpoint = _same_state(comparing.last, last)
     return found
+
+
+def _place(checkpoint: Mapping[str, NDArray[Any]]) -> list[int]:
+    """Return where the march of a checkpoint is: its steps, whether its bodies are away from a map, their changes."""
+    known = (checkpoint.get(name) for name in ("counts", EXCURSIONS, CHANGES))
+    return [int(counts[0]) for counts in known if counts is not None]
 
 
 def _grid_of(archive: Archive) -> TimeGrid | None:

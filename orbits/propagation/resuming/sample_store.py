@@ -115,7 +115,7 @@ class SampleStore:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
             if self._events is not None:
-                self._events.flush()
+                self._events.complete()
             pace = None if self._pace is None else self._pace.now(marcher.time)
             checkpoint = checkpoint_of(marcher, self._accounts, self._events, self.ended, pace)
             new = self._q[: self._count], self._v[: self._count], checkpoint

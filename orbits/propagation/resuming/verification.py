@@ -286,7 +286,7 @@ def _computed(
     except (ArchiveError, InputError) as error:
         return Finding("computed", f"nothing: {error}", None)
     if found is None:
-        why = "the last two checkpoints are at the same step; 'all' computes the whole run" if archive.marched else ""
+        why = "no step lies between the last two checkpoints; 'all' computes the whole run" if archive.marched else ""
         return Finding("computed", f"nothing: {why or 'the run is at its start'}", None)
     what = _stretch(found)
     if not found.samples and found.checkpoint is None:

@@ -125,7 +125,8 @@ def _numbers(found: Any, t: Array) -> Array:
     """Return what a function returned as floats, (m,). Raises ValueError for anything but real numbers."""
     found = np.asarray(found)
     if found.shape != t.shape:
-        raise ValueError(f"it returned shape {found.shape} for times of shape {t.shape}")
+        given = f"times of shape {t.shape}" if t.ndim else "one time"
+        raise ValueError(f"it returned shape {found.shape} for {given}")
     if np.iscomplexobj(found):
         raise ValueError("it returned complex numbers")
     if found.dtype == bool:
@@ -136,12 +137,17 @@ def _numbers(found: Any, t: Array) -> Array:
 def _try(event: Event, own: Own, system: System) -> None:
     """Call the function with the state at the start, twice. Raises InputError if that fails."""
     _, q, v, _ = system.values
+    expected = "of t (m,), and of q and v (m, bodies, 3), that returns (m,)"
     try:
+        if hasattr(event.function, "py_func"):
+            expected = "of one t, and of q and v (bodies, 3), that returns a number, as it is compiled"
+            _numbers(event.function(0.0, q.copy(), v.copy()), np.zeros(()))
         found = _numbers(own.called(np.zeros(2), np.stack([q, q]), np.stack([v, v])), np.zeros(2))
     except Exception as error:  # the function of a user may raise anything
+        why = next(iter(str(error).splitlines()), "").rstrip(". ")  # of Numba's, pages
         raise InputError(
-            f"Event {event.name!r} fails at the start of the run: {type(error).__name__}: {error}. Expected a function "
-            "of t (m,), and of q and v (m, bodies, 3), that returns (m,)."
+            f"Event {event.name!r} fails at the start of the run: {type(error).__name__}: {why}. Expected a function "
+            f"{expected}."
         ) from error
     if not np.isfinite(found).all():
         raise InputError(f"Event {event.name!r} is {found[0]} at the start of the run; expected a finite number.")

@@ -14,7 +14,7 @@ from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Whole
 from orbits.propagation.events.bodies_left import Left, sides_of
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.log import Log
-from orbits.propagation.events.search.brackets import NotFiniteError, Stretch
+from orbits.propagation.events.search.brackets import NotFiniteError, Stretch, brackets_of
 from orbits.propagation.events.search.meaning import (
     SAME,
     are_at_start,
@@ -22,7 +22,7 @@ from orbits.propagation.events.search.meaning import (
     in_every_step,
     in_rapid_succession,
 )
-from orbits.propagation.events.search.zeros import NEAR_BY, Zeros, zeros_of
+from orbits.propagation.events.search.zeros import BESIDE, NEAR_BY, Zeros, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME
 
 STEPS, NUMBERS = 4096, 1 << 22
@@ -168,7 +168,7 @@ class MotionSearch:
         return None
 
     def flush(self) -> None:
-        """Seek events in all steps that were taken; call it before the list is stored."""
+        """Seek events in all steps that were taken."""
         if self and len(self._collected):
             self._seek(self._collected.emptied(), True)
 
@@ -179,6 +179,22 @@ class MotionSearch:
         """
         self._since = since
         return self._seek(motion, False)
+
+    def may_be(self, motion: Motion) -> Array:
+        """Return the times between which there may be events in a motion, (2, m): of the brackets of zeros, and of what
+        is `BESIDE` them. Raises NotFiniteError.
+        """
+        stretch, found = Stretch(motion, self._there, self._needed), [np.empty((2, 0))]
+        lengths = np.diff(stretch.times)
+        self._longest = max(self._longest, float(np.abs(lengths).max(initial=0.0)))
+        for parts, failure in brackets_of([self._bounds[number] for number in self._numbers], stretch):
+            if failure is not None:
+                raise failure
+            for some in parts:
+                room = BESIDE * (some.high - some.low)
+                around = np.stack([some.low - room, some.high + room])
+                found.append(stretch.times[some.steps] + lengths[some.steps] * around)
+        return np.concatenate(found, axis=1)
 
     def between(self, t: Array, q: Array, v: Array) -> Found | None:
         """Seek events between two states, t (2,), q and v (2, n, 3), that are too close for more than one zero of any
