@@ -73,8 +73,8 @@ def plot(
     with guarded():
         from orbits.errors import InputError
         from orbits.plotting import save
+        from orbits.propagation import Trajectory
         from orbits.scenario.files import picture_path, replaceable
-        from orbits.trajectory import Trajectory
 
         run = Trajectory.open(file)
         own = file.with_suffix(".png") if kind == "paths" else file.with_name(f"{file.stem}-{kind}.png")
@@ -95,7 +95,7 @@ def info(file: File, as_json: Json = False) -> None:
     Example: orbits info results/solar_system/run.h5 --json
     """
     with guarded():
-        from orbits.trajectory import Trajectory
+        from orbits.propagation import Trajectory
 
         show(file, Trajectory.open(file), as_json)
 

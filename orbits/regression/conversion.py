@@ -321,7 +321,10 @@ def _refuse(found: Particles) -> None:
         ).warn()
     if found.collision != "none":
         what = f"the simulation looks for collisions ({found.collision!r})"
-        Finding(f"{what}; bodies of a System pass through each other.").warn()
+        Finding(
+            f"{what}; bodies of a System pass through each other, unless a run has events=Collision(then=Merge()), "
+            "say, of orbits.events."
+        ).warn()
 
 
 def _massless(found: Particles, names: list[str]) -> int:

@@ -225,8 +225,11 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
         Afterwards their q and v are NaN, and they are absent from `run[k]`.
         """
         if self._retired is None:
-            again = None if self.archive is None else self._again
-            self._retired = RetiredParticles() if again is None else again.retired(self)
+            if self.archive is None:
+                self._retired = RetiredParticles()
+            else:
+                assert self._again is not None, "orbits.propagation is not imported"
+                self._retired = self._again.retired(self)
         return self._retired
 
     @property

@@ -11,6 +11,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from astropy import units as u
 from typer.testing import CliRunner
@@ -444,6 +445,18 @@ def test_a_signal_where_no_run_is_marched_ends_a_command_as_in_a_run(number, cap
     assert caught.value.code == 130
     assert f"stopped by {number.name}" in capsys.readouterr().err
     assert signal.getsignal(number) == before
+
+
+def test_a_process_of_its_own_tells_who_was_retired(tmp_path):
+    """Where nothing had imported what marches runs again, `orbits info` knew of no retired particle."""
+    q, v = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], np.zeros((2, 3))
+    start = orbits.System(["star", "falls"], gm=[1, 0], q=q, v=v, units=orbits.DIMENSIONLESS)
+    with pytest.warns(orbits.errors.RetiredWarning):
+        orbits.propagate(start, dt=0.1, duration=5.0, check_step=False, archive=tmp_path / "run.h5").close()
+    command = [sys.executable, "-m", "orbits", "info", str(tmp_path / "run.h5")]
+    said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert "2 bodies (1 retired)" in said
+    assert "falls  the stages did not converge" in said
 
 
 def test_letters_that_a_terminal_cannot_show_do_not_end_a_command(monkeypatch):

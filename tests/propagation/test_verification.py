@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -230,8 +231,9 @@ def test_a_run_with_functions_in_its_events_is_computed_again_if_they_are_given(
     assert "the same bits" in found_in(orbits.verify(path, events=event), "computed").said
 
 
-def test_a_run_killed_between_an_action_and_the_next_step_of_a_map_is_whole(belt, tmp_path, monkeypatch) -> None:
-    """Bodies go on by chosen steps for the rest of the step, which is not computed again up to there: "DAMAGED"."""
+@pytest.fixture
+def killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list[Path]]:
+    """What is left of a run if it is killed after any of its commits, of which there are as many as can be."""
     monkeypatch.setattr(sample_store, "FIRST_COMMIT_SECONDS", 0.0)
     monkeypatch.setattr(sample_store, "COMMIT_SHARE", 0.0)
     path, kept, commit = tmp_path / "run.h5", [], ArchiveWriter.commit
@@ -241,14 +243,35 @@ def test_a_run_killed_between_an_action_and_the_next_step_of_a_map_is_whole(belt
         kept.append(tmp_path / f"{len(kept)}.h5")
         shutil.copy(path, kept[-1])
 
+    def run(*given: Any, **options: Any) -> list[Path]:
+        with monkeypatch.context() as during:
+            during.setattr(ArchiveWriter, "commit", copied)
+            orbits.propagate(*given, archive=path, **options).close()
+        return kept
+
+    return run
+
+
+def test_a_run_killed_between_an_action_and_the_next_step_of_a_map_is_whole(belt, killed) -> None:
+    """Bodies go on by chosen steps for the rest of the step, which is not computed again up to there: "DAMAGED"."""
     burn = orbits.events.Event(lambda t, q, v: t - 100.0, then=lambda event, now: now.replaced(v=now.v * 1.0001))
     follow = orbits.WisdomHolman(encounters="follow")
-    with monkeypatch.context() as during:
-        during.setattr(ArchiveWriter, "commit", copied)
-        orbits.propagate(belt, follow, dt="60 d", duration="360 d", samples=3, events=burn, archive=path).close()
+    kept = killed(belt, follow, dt="60 d", duration="360 d", samples=3, events=burn)
     states = [orbits.Archive.open(each).checkpoint() for each in kept]
     assert any(state["change_counts"][0] and state["excursion_counts"][0] for state in states)
     assert all(orbits.verify(each, events=burn).ok for each in kept)
+
+
+def test_a_run_killed_before_its_first_step_which_retires_a_particle_is_whole(killed) -> None:
+    pair = {"a": {"a": 1.0, "e": 0.05, "gm": 1e-4}, "b": {"a": 1.15, "e": 0.1, "gm": 1e-4, "l": 2.0}}
+    start = orbits.System.from_elements({"s": {"gm": 1.0}, **pair}, units=orbits.DIMENSIONLESS)
+    start = start.add(["x", "y"], primary="s", a=[1.05, 2.0], e=[0.1, 0.3])
+    method = orbits.WisdomHolman(encounters="retire particles, follow planets")
+    with pytest.warns(orbits.errors.RetiredWarning):
+        kept = killed(start, method, dt=0.1, duration=1.0, samples=3)
+    states = [orbits.Archive.open(each).checkpoint() for each in kept]
+    assert any(state["retired"].any() and not state["counts"][0] for state in states)
+    assert all(orbits.verify(each).ok for each in kept)
 
 
 def test_the_command_ends_with_1_for_a_damaged_file_and_has_json(belt, tmp_path) -> None:

@@ -90,9 +90,12 @@ def recomputed(
 
 
 def _place(checkpoint: Mapping[str, NDArray[Any]]) -> list[int]:
-    """Return where the march of a checkpoint is: its steps, whether its bodies are away from a map, their changes."""
+    """Return where the march of a checkpoint is: its steps, whether its bodies are away from a map, their changes, and
+    how many particles are retired, which is decided before a step.
+    """
     known = (checkpoint.get(name) for name in ("counts", EXCURSIONS, CHANGES))
-    return [int(counts[0]) for counts in known if counts is not None]
+    retired = int(checkpoint["retired"][:, 0].astype(bool).sum()) if "retired" in checkpoint else 0
+    return [*(int(counts[0]) for counts in known if counts is not None), retired]
 
 
 def _grid_of(archive: Archive) -> TimeGrid | None:
