@@ -139,6 +139,12 @@ class Force:
         """Return this force with these internal variables, (variables,), as a run has left them."""
         raise NotImplementedError
 
+    def masses(self, gm: NDArray[np.float64], names: Sequence[str], t: Any, units: Any) -> NDArray[np.float64]:
+        """Return the GM of the bodies with these names at times t since the epoch, (..., bodies); gm itself, (bodies,)
+        or (..., bodies), where the force does not change it.
+        """
+        return gm
+
     def seen_from(self, place: Any, velocity: Any) -> Self:
         """Return this force as seen from an origin at that place that moves with that velocity, (3,) quantities: one
         that depends on absolute positions or velocities has to shift its numbers. The default is for one that depends

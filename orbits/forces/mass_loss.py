@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.errors import InputError, shown
 from orbits.forces.central import CentralForce
@@ -48,6 +49,8 @@ class MassLoss(CentralForce):
     source : the body that loses mass; by default the most massive one
     fraction : (dGM/dt) / GM, a number per time; < 0 for loss
     since : the time after the epoch of the system at which its GM is that of the system; by default 0
+
+    Elements of orbits are those of the GM at their time, unless `bodies` names some; events have that of the system.
     """
 
     kind: ClassVar[str] = "mass-loss"
@@ -75,6 +78,15 @@ class MassLoss(CentralForce):
     def later(self, time: Any) -> Self:
         """Return it for a system whose epoch is later by `time`."""
         return replace(self, since=self.since - time)
+
+    def masses(self, gm: NDArray[np.float64], names: Sequence[str], t: Any, units: Any) -> NDArray[np.float64]:
+        """Return the GM of the bodies at times t, if all feel the loss."""
+        if self.bodies is not None or self.source is None or self.source not in names:
+            return gm
+        fraction, since = self.constants(0, units)
+        now = np.array(np.broadcast_to(gm, (*np.shape(t), len(names))))
+        now[..., list(names).index(self.source)] *= 1.0 + fraction * (np.asarray(t) - since)
+        return now
 
     def constants(self, row: int, units: Any) -> Sequence[float]:
         """Return the fraction and t0."""

@@ -99,9 +99,11 @@ class RunEnds:
             except Exception:
                 self.events.log.drop_from(found.time)  # a run that is resumed acts there
                 raise
-            if changed is not None:
-                marcher.follow_events()
-            return False
+            if changed is None:
+                return False
+            former = list(self.events.asked.bounds)
+            marcher.follow_events()
+            return self.interrupted(self.events.jump_at(found, former, state, marcher.state()))
         self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
         self.end_at(happening, found.time, state)
         return True

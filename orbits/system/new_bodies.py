@@ -155,9 +155,9 @@ def centre_of_several(names: Sequence[str], around: str) -> str | None:
 
 def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) -> Floats:
     """Return the total GM of each new body and its primary, shape (k,)."""
-    several = centre_of_several(system.names, around)
+    several, masses = centre_of_several(system.names, around), _masses(system)
     if several is not None:
-        total = system.values.gm.sum()
+        total = masses.sum()
         return np.asarray(total + (np.cumsum(gm) if several == JACOBI else np.full(len(gm), gm.sum())))
     place = system.index(around)
     if system.values.gm[place] == 0.0:
@@ -165,17 +165,25 @@ def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) 
             f"{few(names, 3)}: the primary {system.names[place]!r} has no mass, so nothing can orbit it. "
             f"Choose one of {few(_heavy(system.names, system.values.gm))}."
         )
-    return np.asarray(system.values.gm[place] + gm)
+    return np.asarray(masses[place] + gm)
+
+
+def _masses(system: System) -> Floats:
+    """Return the GM of the bodies at the epoch, which forces may have changed."""
+    gm = system.values.gm
+    for force in system.forces:
+        gm = force.masses(gm, system.names, 0.0, system.units)
+    return gm
 
 
 def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> State:
     """Return positions and velocities (k, 3) in the system, from q and v relative to the primary."""
-    here = system.values
+    here, masses = system.values, _masses(system)
     several = centre_of_several(system.names, around)
     if several is None:
         place = system.index(around)
         return here.q[place] + q, here.v[place] + v
-    total = here.gm.sum()
+    total = masses.sum()
     if several == JACOBI:
         # Each body shifts the centre of mass that the next one orbits.
         share = (gm / (total + np.cumsum(gm)))[:, None]
@@ -183,7 +191,7 @@ def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> St
     else:
         # q and v are relative to the centre of mass of all, which the new bodies shift from that of the old ones.
         shifts = [np.broadcast_to(gm @ x / total, x.shape) for x in (q, v)]
-    centre = [diagnostics.centre_of_mass(here.gm, x) for x in (here.q, here.v)]
+    centre = [diagnostics.centre_of_mass(masses, x) for x in (here.q, here.v)]
     return centre[0] + shifts[0] + q, centre[1] + shifts[1] + v
 
 

@@ -23,6 +23,8 @@ from orbits.units import UnitSystem
 if TYPE_CHECKING:
     from astropy.time import Time
 
+    from orbits.forces.base import Force
+
 Floats = NDArray[np.float64]
 
 
@@ -152,10 +154,12 @@ def osculating(
     frame: str,
     t: ArrayLike = 0.0,
     epoch: Time | None = None,
+    forces: Sequence[Force] = (),
 ) -> OrbitalElements:
     """Return the osculating elements of all bodies but the primary.
 
-    gm (n,), q and v (..., n, 3), t (...) : floats in `units`; t is the time of the states, used for T only
+    gm (n,), q and v (..., n, 3), t (...) : floats in `units`; t is the time of the states
+    forces : of the system, which may change gm with time
     epoch : of t = 0, passed on to the result
     primary : a body, with the GM of both; "barycentre", the centre of mass of all massive bodies, with the GM of all;
         or "jacobi", the centre of mass of the preceding bodies, with their GM and the body's own
@@ -167,22 +171,24 @@ def osculating(
     around = new_bodies.centre_of_several(names, primary) or names[index_of(primary, names, "primary")]
     if around in new_bodies.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
+    times = np.asarray(t, dtype=np.float64)
+    for force in forces:
+        gm = force.masses(gm, names, times, units)
     if around == new_bodies.JACOBI:
         bodies, centre_gm, centre_q, centre_v = _before(names, gm, q, v)
-        two_body_gm = centre_gm + gm[bodies]
+        two_body_gm = centre_gm + gm[..., bodies]
     elif around in new_bodies.BARYCENTRIC:
         bodies = np.arange(len(names))
-        two_body_gm = np.full(len(names), gm.sum())
-        centre_q, centre_v = (diagnostics.centre_of_mass(gm, x)[..., None, :] for x in (q, v))
+        two_body_gm = np.broadcast_to(gm.sum(axis=-1, keepdims=True), gm.shape)
+        centre_q, centre_v = (_centre(gm, x)[..., None, :] for x in (q, v))
     else:
         place = index_of(around, names, "primary")
         bodies = np.delete(np.arange(len(names)), place)
-        two_body_gm = gm[bodies] + gm[place]
+        two_body_gm = gm[..., bodies] + gm[..., [place]]
         centre_q, centre_v = q[..., [place], :], v[..., [place], :]
-        if gm[place] == 0.0:
+        if not gm[..., place].any():
             raise InputError(f"{around!r} has no mass, so nothing can orbit it. Choose a massive body as primary.")
     chosen = tuple(names[i] for i in bodies)
-    times = np.asarray(t, dtype=np.float64)
     found = elements_from_state(
         to_frame(q[..., bodies, :] - centre_q, frame),
         to_frame(v[..., bodies, :] - centre_v, frame),
@@ -204,11 +210,18 @@ def osculating(
     )
 
 
+def _centre(gm: Floats, x: Floats) -> Floats:
+    """Return the centres of mass, (..., 3), of places or velocities x, (..., n, 3); gm : (n,), or (samples, n)."""
+    if gm.ndim == 1:
+        return diagnostics.centre_of_mass(gm, x)
+    return np.array([diagnostics.centre_of_mass(*one) for one in zip(gm, x, strict=True)])
+
+
 def _before(names: Sequence[str], gm: Floats, q: Floats, v: Floats) -> tuple[NDArray[np.intp], Floats, Floats, Floats]:
     """Return the bodies from the second on, and GM, position and velocity of the centres of mass before each."""
-    if gm[0] == 0.0:
+    if not gm[..., 0].any():
         raise InputError(f"Jacobi elements need a first body with mass, but {names[0]!r} has none.")
     bodies = np.arange(1, len(names))
-    total = np.cumsum(gm)[:-1]
-    centres = [np.cumsum(gm[:, None] * x, axis=-2)[..., :-1, :] / total[:, None] for x in (q, v)]
+    total = np.cumsum(gm, axis=-1)[..., :-1]
+    centres = [np.cumsum(gm[..., None] * x, axis=-2)[..., :-1, :] / total[..., None] for x in (q, v)]
     return bodies, total, centres[0], centres[1]

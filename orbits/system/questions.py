@@ -74,4 +74,14 @@ class Questions:
         gm, q, v, _ = system.values
         primary = new_bodies.primary_name(system.names, gm, primary)
         frame = system.frame if frame is None else frame
-        return osculating(system.names, gm, q, v, units=system.units, primary=primary, frame=frame, epoch=system.epoch)
+        return osculating(
+            system.names,
+            gm,
+            q,
+            v,
+            units=system.units,
+            primary=primary,
+            frame=frame,
+            epoch=system.epoch,
+            forces=system.forces,
+        )

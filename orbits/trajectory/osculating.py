@@ -40,6 +40,7 @@ def elements_of(run: Trajectory, primary: str | None, frame: str) -> OrbitalElem
         frame=frame,
         t=run.times,
         epoch=run.system.epoch,
+        forces=run.system.forces,
     )
     return found if gone is None else found.blank(gone[:, [names.index(name) for name in found.names]])
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from astropy import units as u
 
-from orbits import DIMENSIONLESS, System
+from orbits import DIMENSIONLESS, Gauss, System, Trajectory
 from orbits.elements import elements_from_state
 from orbits.errors import UnknownNameError
 from orbits.system import OrbitalElements, osculating
+from orbits.terms import MassLoss
 
 EPS = 2.0**-52
 KEYS = tuple(field.name for field in fields(OrbitalElements))[4:-1]
@@ -112,3 +113,20 @@ def test_the_repr_is_a_table() -> None:
     assert len({len(columns), len(mercury), len(jupiter)}) == 1
     alone = repr(System.solar_system(bodies=["Sun"]).elements("Sun"))
     assert alone.startswith("elements of no body about the Sun, ecliptic of J2000")
+
+
+@pytest.mark.parametrize("primary", ["star", "jacobi", "barycentre"])
+def test_elements_are_of_the_mass_that_a_star_has_left(primary: str) -> None:
+    times, systems = np.array([0.0, 20.0, 100.0]), []
+    for t in times.tolist():
+        star = System(["star"], [1.0], np.zeros((1, 3)), np.zeros((1, 3)), units=DIMENSIONLESS)
+        star = star.with_forces(MassLoss(fraction=-0.005, since=-t))
+        systems.append(star.add("b", primary=primary, a=2.0, e=0.1, gm=1e-2).add("c", primary=primary, a=5.0, e=0.2))
+    mu = 1.0 - 0.005 * times + (0.0 if primary == "star" else 1e-2)
+    q, v = (np.array([getattr(one, x).value for one in systems]) for x in "qv")
+    run = Trajectory(systems[0], times, q, v, step=0.1, integrator=Gauss(stages=8))
+    assert run.elements(primary=primary)["c"].P.value == pytest.approx(2.0 * np.pi * np.sqrt(5.0**3 / mu), rel=1e-14)
+    for found in (run.elements(primary=primary)["c"], *(one.elements(primary=primary)["c"] for one in systems)):
+        # A few roundings, which e of 0.2 multiplies: 3e-15 seen.
+        np.testing.assert_allclose(found.a.value, 5.0, rtol=1e-14)
+        np.testing.assert_allclose(found.e.value, 0.2, rtol=1e-14)

@@ -14,7 +14,7 @@ from orbits.marching.legs import within_step
 from orbits.marching.legs.next_step import in_next_steps, pass_by, step_back
 from orbits.marching.watching.leg_observers import SUSPECT
 from orbits.propagation.events.asked import Asked
-from orbits.propagation.events.base import STOP, Array, Found, Sample, Sought
+from orbits.propagation.events.base import STOP, Array, Bound, Found, Sample, Sought
 from orbits.propagation.events.log import PARTICLES, padded_rows, rows_of_particles
 from orbits.propagation.events.search.along_motion import MotionSearch
 from orbits.propagation.events.search.meaning import SAME
@@ -127,6 +127,14 @@ class Seeking(MotionSearch):
         if found is None:
             pass_by(marcher)
         return found
+
+    def jump_at(
+        self, acted: Found, former: list[Bound], before: tuple[Array, Array], after: tuple[Array, Array]
+    ) -> Found | None:
+        """Go through what an event did to the bodies, as `jump`; its own function is zero there anyway."""
+        massive = self.asked.system.massive[:, None]
+        then, now = ((np.where(massive, q, np.nan), np.where(massive, v, np.nan)) for q, v in (before, after))
+        return self.jump(former, acted.time, then, now, acted.number)
 
     def before_sample(self, marcher: Legs, sample: Sample) -> Found | None:
         """Return the event that ends the run between the state of the march and a sample less than a step ahead, if a

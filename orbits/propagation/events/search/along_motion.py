@@ -95,17 +95,30 @@ class MotionSearch:
     def go_through(
         self, time: float, before: tuple[Array, Array], after: tuple[Array, Array], left: Left
     ) -> Found | None:
-        """Go on after a collision, as `go_on_with`; functions whose sign is another one then are zero there. Return the
-        first that interrupts the run, if any.
-
-        before, after : q and v of all bodies, (n, 3), at that time
-        """
+        """Go on after a collision, as `go_on_with`, and through what it changes, as `jump`."""
         former = list(self._bounds)
         self.go_on_with(left)
+        return self.jump(former, time, before, after)
+
+    def jump(
+        self,
+        former: list[Bound],
+        time: float,
+        before: tuple[Array, Array],
+        after: tuple[Array, Array],
+        but: int | None = None,
+    ) -> Found | None:
+        """Go through a change of bodies: functions whose sign is another one after it are zero there. Return the first
+        that interrupts the run, if any.
+
+        former : the functions before it; before, after : q and v of all bodies, (n, 3), at that time
+        but : the number of a function that is left out
+        """
         found: list[Found] = []
         try:
             for number in self._numbers:
-                found += self._jumps(number, former[number], time, before, after)
+                if number != but:
+                    found += self._jumps(number, former[number], time, before, after)
         except (EventError, Raised):
             self.log.broken = True
             raise
@@ -114,7 +127,7 @@ class MotionSearch:
     def _jumps(
         self, number: int, former: Bound, time: float, before: tuple[Array, Array], after: tuple[Array, Array]
     ) -> Iterator[Found]:
-        """List the zeros of a function at a collision: of the columns whose sign is another one after it."""
+        """List the zeros of a function at a change of bodies: of the columns whose sign is another one after it."""
         bound, t = self._bounds[number], np.array([time])
         g, g_after, columns = sides_of(bound, former, t, before, after)
         if not np.isfinite(g_after).all():
