@@ -97,7 +97,7 @@ Beat = Annotated[
 @contextmanager
 def guarded() -> Iterator[None]:
     """End the process with errors on one line, and exit code 2 for wrong use, 1 for a failure, 130 after a signal."""
-    if not sys.stdout.encoding.lower().startswith("utf") and isinstance(sys.stdout, TextIOWrapper):
+    if isinstance(sys.stdout, TextIOWrapper) and not sys.stdout.encoding.lower().startswith("utf"):
         sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show a letter gets the others
     try:
         with _signals_interrupt():

@@ -121,7 +121,8 @@ class Runs:
                 self.failures.append(f"{task}: {error}")
                 runs[method.label] = error.trajectory
             except Interrupted as stopped:
-                self.kept[key] = COMPLETE if stopped.trajectory.complete else UNFINISHED
+                if stopped.trajectory is not None:  # else no step was taken
+                    self.kept[key] = COMPLETE if stopped.trajectory.complete else UNFINISHED
                 raise
             if pace.wall_time is not None and pace.wall_time.ended(runs[method.label]):
                 end = runs[method.label].stopped

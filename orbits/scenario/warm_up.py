@@ -147,13 +147,17 @@ def perform(tasks: Sequence[Task], processes: int, say: Callable[[int, float], N
     begun, compiled, refused = time.perf_counter(), 0, {}
     with ProcessPoolExecutor(min(processes, len(tasks)), mp_context=get_context("spawn")) as pool:
         left = {pool.submit(performed, task): task for task in tasks}
-        while left:
-            for future in wait(left, timeout=PAUSE, return_when=FIRST_COMPLETED).done:
-                task, done = left.pop(future), future.result()
-                compiled += done.compiled
-                if done.refused:
-                    refused[task.label] = done.refused
-            say(len(tasks) - len(left), time.perf_counter() - begun)
+        try:
+            while left:
+                for future in wait(left, timeout=PAUSE, return_when=FIRST_COMPLETED).done:
+                    task, done = left.pop(future), future.result()
+                    compiled += done.compiled
+                    if done.refused:
+                        refused[task.label] = done.refused
+                say(len(tasks) - len(left), time.perf_counter() - begun)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
     return WarmUp(len(tasks), time.perf_counter() - begun, compiled, refused)
 
 

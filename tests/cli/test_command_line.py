@@ -447,6 +447,13 @@ def test_a_signal_where_no_run_is_marched_ends_a_command_as_in_a_run(number, cap
     assert signal.getsignal(number) == before
 
 
+def test_a_signal_before_the_first_step_of_a_scenario_ends_it_as_one_in_a_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(Runs, "_run", lambda *given: signal.raise_signal(signal.SIGTERM))
+    out = call("run", "kepler", "--no-plot", "--out", tmp_path)
+    assert out.exit_code == 130
+    assert "stopped by SIGTERM" in out.stderr
+
+
 def test_a_process_of_its_own_tells_who_was_retired(tmp_path):
     """Where nothing had imported what marches runs again, `orbits info` knew of no retired particle."""
     q, v = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], np.zeros((2, 3))

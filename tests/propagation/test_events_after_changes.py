@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import orbits
+from orbits.errors import EventWarning
 
 SYSTEM = orbits.System(
     ["s", "p"], gm=[1.0, 1e-3], q=[[0, 0, 0], [1, 0, 0]], v=[[0, 0, 0], [0, 1.2, 0]], units=orbits.DIMENSIONLESS
@@ -54,6 +55,18 @@ def test_what_an_action_takes_through_zero_is_an_event_at_its_time(turned):
     stopped = propagate(turned * 20.0, kick, orbits.events.ElementCrossing("p", "e", 0.6, then="stop"))
     assert stopped.stopped.time == pericentre
     assert float(stopped.stopped.system.elements(primary="s")["p"].e) > 0.7
+
+
+def test_what_an_action_takes_through_zero_stops_the_run_but_does_not_act():
+    """An action on what has just been acted upon is none: the crossing is listed, and a warning says so."""
+    acted = []
+    kick, stop = orbits.events.Pericentre("p", then=kicked), orbits.events.ElementCrossing("p", "e", 0.55, then="stop")
+    acts = orbits.events.ElementCrossing("p", "e", 0.6, then=lambda t, system: acted.append(t) or system)
+    with pytest.warns(EventWarning, match=r"'e rises above 0.6' .*came about by what another event did"):
+        stopped = propagate(20.0, kick, acts, stop)
+    assert stopped.stopped.time == stopped.events.time[0]
+    assert acted == []
+    assert stopped.events.kind.tolist() == ["pericentre", "e rises above 0.6", "e rises above 0.55"]
 
 
 def test_a_resumed_run_lists_what_an_action_takes_through_zero_once(tmp_path):

@@ -297,10 +297,20 @@ def test_passages_that_cannot_be_noticed_even_together_are_not_marched_again(mon
     assert massless == []
     assert len(judged) > 20  # Mercury's
     found = [(approach.body, approach.time.value) for approach in run.unresolved()]
-    monkeypatch.setattr(unresolved_passages, "NEARER", 0.0)
+    monkeypatch.setattr(unresolved_passages, "ON_THE_SAFE_SIDE", 0.0)
     judged.clear()
     assert [(approach.body, approach.time.value) for approach in run.unresolved()] == found
     assert len([pair for pair in judged if pair.share == 1.0]) > 10
+
+
+def test_pericentres_of_a_moon_are_judged_by_its_distance_from_the_planet():
+    """Not from the Sun, 2,000 times as far, from where their errors are not noticeable."""
+    planets = orbits.System.solar_system(bodies=["Sun", "Jupiter", "Neptune"])
+    moon = planets.add("moon", primary="Jupiter", a=0.003, e=0.6, M=3.0)
+    run, warned = told(moon, GAUSS, 0.08, 6.0)
+    assert "did not resolve 3 close passages" in warned[-1]
+    assert {approach.body for approach in run.unresolved()} == {"moon"}
+    assert len(run.unresolved()) == 3
 
 
 def test_a_softened_fall_is_judged_by_its_softened_speed_and_ends():

@@ -14,7 +14,7 @@ from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.checks.kepler_splitting import encounters
 from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
-from orbits.propagation.checks.passing_pair import Pair
+from orbits.propagation.checks.passing_pair import MOST_ANGLE, Pair
 from orbits.propagation.checks.step_check import (
     UNRESOLVED,
     in_digits,
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 LEAST_SHARE = 1e-3
 """Fraction of a noticeable error below which even a thousand passages of a pair have no noticeable effect together."""
 
-NEARER = 0.1
-"""A body ends a run at no less than this fraction of its distance from the primary in a passage: what is noticeable is
-that fraction of what is noticeable there, on the safe side."""
+ON_THE_SAFE_SIDE = 0.1
+"""Passages of two bodies that are bound to each other are judged if the bounds of their errors come to this fraction of
+what is noticeable at the pericentre, where they are closest."""
 
 MOST_JUDGED = 300
 """The most passages that are marched one by one after a run, in a second; if there are more, the worst ones."""
@@ -98,17 +98,17 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
 
 
 def _in_doubt(run: Trajectory, seen: Seen, end: float) -> dict[int, float]:
-    """Return bounds of the errors at the end of a run that passages cause, of those pairs whose passages may cause a
-    noticeable one together.
+    """Return bounds of the errors at the end of a run that passages cause, but for those of pairs whose passages cannot
+    cause a noticeable one together.
     """
     pairs: dict[frozenset[int], dict[int, float]] = {}
     least: dict[frozenset[int], float] = {}
     for k, passage in enumerate(seen.passages):
-        bound, noticeable = _most(run, seen, passage, end)
-        if bound > LEAST_SHARE * noticeable:
+        bound, noticed = _most(run, seen, passage, end)
+        if bound > 0.0:
             of = _pair_of(seen, k)
             pairs.setdefault(of, {})[k] = bound
-            least[of] = min(least.get(of, math.inf), NEARER * noticeable)
+            least[of] = min(least.get(of, math.inf), noticed)
     return {k: bound for of, bounds in pairs.items() if sum(bounds.values()) > least[of] for k, bound in bounds.items()}
 
 
@@ -252,20 +252,26 @@ def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
 
 def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> tuple[float, float]:
     """Return a bound of the error at the end of the run caused by a passage, 0 for one that cannot spoil it, and the
-    error that would be noticeable at the distance from the primary in the passage.
+    sum of the bounds of a pair from which on it may be noticed.
     """
     pair = Pair.of(passage, run.system, run.clock, seen.dominant)
     if pair is None:
-        return 0.0, math.inf
+        return 0.0, 0.0
     e, angle = pair.shape(run.step)
     left = abs(end - run.clock.time(passage.step)) + abs(run.step)
-    around = pair.other_q + pair.q if pair.other_q.any() else pair.q
-    noticeable = NEGLIGIBLE * float(np.linalg.norm(around))
+    if angle < MOST_ANGLE and pair.is_bound():  # a body is the fastest, and farthest off, at its pericentre
+        growth = GROWTH * max(1.0, 0.5 * math.sqrt((1.0 + e) / max(1.0 - e, 1e-300)))
+        noticeable = NEGLIGIBLE * pair.orbit.least
+        noticed = ON_THE_SAFE_SIDE * noticeable
+    else:
+        growth, noticeable, noticed = GROWTH, NEGLIGIBLE * float(np.linalg.norm(pair.other_q + pair.q)), 0.0
+    worth = LEAST_SHARE * noticeable
     turn = passage.speed * min(2.0, 2.0 / max(e, 1e-300))
-    if not GROWTH * turn * left > LEAST_SHARE * noticeable:
-        return 0.0, noticeable
+    if not growth * turn * left > worth:
+        return 0.0, noticed
     share, turned = passage_error(run.integrator, e, angle)
-    return GROWTH * pair.share * share * turned * passage.speed * left, noticeable
+    bound = growth * pair.share * share * turned * passage.speed * left
+    return bound if bound > worth else 0.0, noticed
 
 
 def _end(run: Trajectory, seen: Seen) -> float:

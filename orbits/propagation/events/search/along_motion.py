@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from orbits.errors import EventError
 from orbits.marching.stepping.motion import Collected, Motion
 from orbits.propagation.events.asked import Asked
-from orbits.propagation.events.base import NOBODY, Array, Bound, Found, Whole
+from orbits.propagation.events.base import NOBODY, STOP, Array, Bound, Found, Whole
 from orbits.propagation.events.bodies_left import Left, sides_of
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.log import Log
@@ -22,7 +22,7 @@ from orbits.propagation.events.search.meaning import (
     in_every_step,
     in_rapid_succession,
 )
-from orbits.propagation.events.search.zeros import BESIDE, NEAR_BY, Zeros, zeros_of
+from orbits.propagation.events.search.zeros import NEAR_BY, Zeros, zeros_of
 from orbits.trajectory.events import BODY, COLUMNS, MOST_EVENTS, NUMBER, OTHER, RISING, TIME
 
 STEPS, NUMBERS = 4096, 1 << 22
@@ -36,7 +36,8 @@ EVERY_STEP = (
     "in every one of many steps: its function changes faster than the steps, and zeros are missed if there is more "
     "than one extremum between two checks. Give a shorter dt, or seek something else."
 )
-"""What is said of events that mean nothing, and of those that happen in every step."""
+CAUSED = "came about by what another event did, where it does not act itself."
+"""What is said of events that mean nothing, that happen in every step, and that others cause."""
 
 ENOUGH = 0.25
 """The share of these steps from which on a block is searched as it is, not copied first."""
@@ -109,7 +110,7 @@ class MotionSearch:
         but: int | None = None,
     ) -> Found | None:
         """Go through a change of bodies: functions whose sign is another one after it are zero there. Return the first
-        that interrupts the run, if any.
+        that stops the run, if any; those that act are listed, but do not act on what has just been done to the bodies.
 
         former : the functions before it; before, after : q and v of all bodies, (n, 3), at that time
         but : the number of a function that is left out
@@ -122,7 +123,10 @@ class MotionSearch:
         except (EventError, Raised):
             self.log.broken = True
             raise
-        return next((one for one in found if self._of[one.number].interrupts), None)
+        for one in found:
+            if self._of[one.number].acts:
+                self._remark(one.number, CAUSED)
+        return next((one for one in found if self._of[one.number].then == STOP), None)
 
     def _jumps(
         self, number: int, former: Bound, time: float, before: tuple[Array, Array], after: tuple[Array, Array]
@@ -181,25 +185,31 @@ class MotionSearch:
         return self._seek(motion, False)
 
     def may_be(self, motion: Motion) -> Array:
-        """Return the times between which there may be events in a motion, (2, m): of the brackets of zeros, and of what
-        is `BESIDE` them. Raises NotFiniteError.
+        """Return the times between which there may be events in a motion, (2, m): those of the steps with brackets of
+        zeros, and of half a step beside them. Raises NotFiniteError.
         """
         stretch, found = Stretch(motion, self._there, self._needed), [np.empty((2, 0))]
-        lengths = np.diff(stretch.times)
+        lengths, nothing = np.diff(stretch.times), np.empty(0, dtype=np.int64)
         self._longest = max(self._longest, float(np.abs(lengths).max(initial=0.0)))
         for parts, failure in brackets_of([self._bounds[number] for number in self._numbers], stretch):
             if failure is not None:
                 raise failure
-            for some in parts:
-                room = BESIDE * (some.high - some.low)
-                around = np.stack([some.low - room, some.high + room])
-                found.append(stretch.times[some.steps] + lengths[some.steps] * around)
+            steps = np.unique(np.concatenate([nothing, *(some.steps for some in parts)]))
+            found.append(stretch.times[steps] + lengths[steps] * np.array([[-0.5], [1.5]]))
         return np.concatenate(found, axis=1)
 
     def between(self, t: Array, q: Array, v: Array) -> Found | None:
         """Seek events between two states, t (2,), q and v (2, n, 3), that are too close for more than one zero of any
         function; as `along`.
         """
+        try:
+            return self._take(*self._between(t, q, v), t, False, True, None)
+        except (EventError, Raised):
+            self.log.broken = True
+            raise
+
+    def _between(self, t: Array, q: Array, v: Array) -> tuple[Array, NDArray[np.int64], None]:
+        """Return what `_found` returns, between two such states."""
         rows, places = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)]
         for number in self._numbers:
             bound = self._bounds[number]
@@ -217,7 +227,7 @@ class MotionSearch:
             kept &= ~are_at_start(bound, zeros, np.diff(t), at, there, there_v)
             rows.append(self._rows(number, zeros.rising, at, there, there_v, columns)[kept])
             places.append(np.array([(number, column, 0) for column in columns])[kept])
-        return self._take(np.concatenate(rows), np.concatenate(places), None, t, False, True, None)
+        return np.concatenate(rows), np.concatenate(places), None
 
     def _seek(self, motion: Motion, firm: bool, record: bool = True, until: float | None = None) -> Found | None:
         """Find the events in a stretch of the march and record them; those after one that interrupts are left out, and

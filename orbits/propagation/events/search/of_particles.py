@@ -5,8 +5,9 @@ and with a mass so small that it moves nothing: its motion within steps is then 
 is found follows from the samples, so that a run that is resumed finds the same; and it is on the motion of the run, on
 which `run.at` is as well, however chaotic that is.
 
-Where events only record, a march through many samples comes first: most ways between two have no event, and are left
-out. It excludes, but finds nothing, so that it does not matter which samples are looked at together.
+Where events only record and steps are chosen one by one, a march through many samples comes first: most ways between
+two have no event, and are left out. It excludes, but finds nothing, so that it does not matter which samples are looked
+at together. Constant steps through many samples would lead to another motion than those from each of them.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ NOTHING = 1e-9
 FEWEST, TOGETHER, MANY = 8, 64, 256
 """The fewest and the most samples of which the motion through all may exclude events between two; its most steps."""
 
-OFF = 1e-6
+OFF = 1e-9
 """How far it may pass a sample, as a fraction of the longest way of a body in a step."""
 
 
@@ -69,7 +70,8 @@ class ParticleSearches:
         self._light = [with_light(system, search.subjects) for search in self._searches]
         self._scales = [dynamical_time(light) for light, _ in self._light]
         self.stops = any(search.interrupts for search in self._searches)
-        self._most = 1 if self.stops else min(TOGETHER, NUMBERS // (6 * len(system)))
+        together = isinstance(clock, Adaptive) and not self.stops
+        self._most = min(TOGETHER, NUMBERS // (6 * len(system))) if together else 1
 
     def __bool__(self) -> bool:
         """Whether there are any."""
@@ -140,8 +142,7 @@ class ParticleSearches:
             return None
         begun = self._last
         if end is not None and self._hardly_moves(number, abs(time - begun.time)):
-            t, q, v = (np.array(pair) for pair in zip(begun, end, strict=True))
-            return search.between(t, q, v)
+            return search.between(*(np.array(pair) for pair in zip(begun, end, strict=True)))
         try:
             for motion in self._motions(number, time, end):
                 found = search.along(motion, begun.time)
