@@ -185,7 +185,7 @@ def test_samples_that_are_not_finite_and_bodies_that_come_back_are_found(belt, t
     q, v = np.array(run.archive.q[:]), np.array(run.archive.v[:])
     for name, change, said in (
         ("inf", (3, 1, np.inf), "Jupiter is not finite at sample 3"),
-        ("back", (2, 3, np.nan), "p is there again at sample 3"),
+        ("back", (4, 3, np.nan), "p is there again at sample 5"),  # of which 4 is at the end of a step
         ("start", (0, 0, 0.5), "the first sample is not the start of the run"),
     ):
         other_q, other_v = q.copy(), v.copy()
@@ -272,6 +272,21 @@ def test_a_run_killed_before_its_first_step_which_retires_a_particle_is_whole(ki
     states = [orbits.Archive.open(each).checkpoint() for each in kept]
     assert any(state["retired"].any() and not state["counts"][0] for state in states)
     assert all(orbits.verify(each).ok for each in kept)
+
+
+def test_a_sample_between_two_steps_to_which_no_partial_step_leads_is_no_damage(tmp_path) -> None:
+    """A body falls straight into a star, over which the whole step leaps: "there again"."""
+    q, v = [[0, 0, 0], [-2.0, 0, 0], [3.0, 3.0, 0]], [[0, 0, 0], [0, 0, 0], [0, 0.5, 0]]
+    start = orbits.System(["star", "falls", "far"], [1, 0, 0], q, v, units=orbits.DIMENSIONLESS)
+    options = {"dt": 0.01, "duration": 6.295, "samples": 9, "check_step": False}
+    run = orbits.propagate(start, "gauss", archive=tmp_path / "run.h5", **options)
+    lost = np.isnan(run["falls"].q.value[:, 0])
+    assert lost.any()
+    assert not lost[-1]
+    run.close()
+    checked = orbits.verify(tmp_path / "run.h5", recompute="all")
+    assert checked.ok
+    assert "without some samples between two steps: falls" in str(checked)
 
 
 def test_the_command_ends_with_1_for_a_damaged_file_and_has_json(belt, tmp_path) -> None:

@@ -224,28 +224,35 @@ def _steps(archive: Archive) -> Finding:
 
 
 def _numbers(archive: Archive, damaged: list[tuple[int, int]], *, listed: bool) -> Finding:
-    """Check that times ascend and samples are finite, but for bodies that are gone from some sample on."""
+    """Check that times ascend and samples are finite, but for bodies that are gone from some sample on, and for samples
+    of massless bodies between two steps, to which no partial step may lead.
+    """
     done, names = archive.committed, archive.system.names
     if not done:
         return Finding("values", "no samples yet", None)
-    gone, wrong = np.zeros(len(names), dtype=bool), []
+    gone = missing = at_last = np.zeros(len(names), dtype=bool)
+    clock, wrong = archive.grid.clock, []
+    between = ~archive.system.massive & (clock.places(archive.times[:done]).rests != 0.0)[:, None] & (not clock.changes)
     for first, q, v in _blocks(archive, damaged):
         absent = np.isnan(q).all(axis=2) & np.isnan(v).all(axis=2)
         bad = ~(np.isfinite(q).all(axis=2) & np.isfinite(v).all(axis=2)) & ~absent
-        back = (np.logical_or.accumulate(absent) | gone) & ~absent
+        ended = absent & ~between[first : first + len(q)]
+        back = (np.logical_or.accumulate(ended) | gone) & ~absent
         for what, rows in (("is not finite", bad), ("is there again", back)):
             if rows.any():
                 sample, body = np.argwhere(rows)[0]
                 wrong.append(f"{names[body]} {what} at sample {first + int(sample):,}")
-        gone |= absent.any(axis=0)
+        gone, missing, at_last = gone | ended.any(axis=0), missing | absent.any(axis=0), absent[-1]
         if first == 0 and archive.times[0] == 0.0 and not np.array_equal(q[0], archive.system.values.q):
             wrong.append("the first sample is not the start of the run")
     factor, unit = fitting_time(float(archive.times[done - 1]), archive.system.units.time)
     span = with_unit(f"{factor * archive.times[0]:.6g} ... {factor * archive.times[done - 1]:.6g}", unit)
     if wrong:
         return Finding("values", "; ".join(wrong[:3]), False)
-    ends = [names[k] for k in np.flatnonzero(gone)]
+    ends = [names[k] for k in np.flatnonzero(at_last)]
     lost = f"; {len(ends):,} {'bodies end' if len(ends) > 1 else 'body ends'}: {few(ends)}" if ends else ""
+    missed = [names[k] for k in np.flatnonzero(missing & ~at_last)]
+    lost += f"; without some samples between two steps: {few(missed)}" if missed else ""
     return Finding("values", f"finite, t = {span} in order{lost}")
 
 
