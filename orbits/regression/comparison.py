@@ -73,9 +73,9 @@ def compare(
     system : a `System`, the initial state of all of them
     integrators : one of ours or several, such as `[orbits.Gauss(stages=8), "stormer-verlet"]`; Gauss with 8 stages by
         default
-    dt, duration, until, samples, threads : as in `propagate`. Every method is sampled at the same times. dt is also
-        exactly the step of the fixed-step peers, and the first one that IAS15 tries. Without dt, or with
-        `orbits.Adaptive(...)`, ours choose their steps one by one, as IAS15 does at its default epsilon
+    dt, duration, until, samples, threads : as in `propagate`. Every method is sampled at the same times, and ends with
+        the last one. dt is also exactly the step of the fixed-step peers, and the first one that IAS15 tries. Without
+        dt, or with `orbits.Adaptive(...)`, ours choose their steps one by one, as IAS15 does at its default epsilon
     against : names of peers: "whfast", "whfast512", "saba", "mercurius", "trace", "ias15", "leapfrog", with options as
         in "whfast:kernel=lazy,corrector=17" or "saba:type=8-6-4"; several in a list, or with commas; may be empty. By
         default WHFast and IAS15; without dt, IAS15
@@ -104,10 +104,11 @@ def compare(
     """
     for name in others:
         raise unknown_argument(compare, name)
+    asked = TimeGrid.of(_checked(system), dt, duration=duration, until=until, samples=samples)
     return compared(
         system,
         integrators,
-        TimeGrid.of(_checked(system), dt, duration=duration, until=until, samples=samples),
+        TimeGrid(asked.clock, asked.times),  # all end with the last sample, so that their seconds are those of one span
         against=against,
         tolerances=tolerances,
         reference=reference,

@@ -85,6 +85,12 @@ def test_every_method_has_the_same_start_times_and_step():
     assert got["REBOUND whfast"].compile_s is None
 
 
+def test_all_methods_end_with_the_last_sample():
+    """Ours went on to the duration, whose steps were in their seconds."""
+    report = orbits.compare(GIANTS, GAUSS, dt=20, duration=1000.0, samples=[100.0, 200.0], against=("whfast",))
+    assert {row.steps for row in report.rows} == {10}
+
+
 def test_the_converged_reference_solution_agrees_with_ias15_which_shares_no_code_with_it():
     report = orbits.compare(GIANTS, GAUSS, dt=20, duration=3652.5, samples=11)
     assert report.reference.kind == "converged"
