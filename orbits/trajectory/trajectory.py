@@ -105,7 +105,7 @@ class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
             raise InputError(f"integrator is {shown(integrator)}; expected a method such as orbits.Gauss(stages=8).")
         self._times = finite_numbers(times, "times").copy()
         if self._times.ndim != 1:
-            raise InputError(f"times has shape {self.times.shape}; expected one time for each sample, shape (n,).")
+            raise InputError(f"times has shape {self._times.shape}; expected one time for each sample, shape (n,).")
         expected = (len(self.times), len(system), 3)
         shapes = tuple(getattr(x, "shape", None) for x in (q, v))
         if shapes != (expected, expected):

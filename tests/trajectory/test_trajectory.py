@@ -362,6 +362,7 @@ def test_the_drift_says_which_bodies_it_covers():
         ({"times": None}, "times is None"),
         ({"times": np.full(SAMPLES, np.nan)}, r"times\[0\] is nan"),
         ({"times": np.zeros((SAMPLES, 1))}, r"times has shape \(9, 1\)"),
+        ({"times": 3.0}, r"times has shape \(\)"),
         ({"q": 3.0}, "q and v have shapes None and"),
         ({"integrator": None}, "integrator is None"),
     ],
