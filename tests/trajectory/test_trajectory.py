@@ -16,9 +16,9 @@ from orbits import diagnostics, former_names
 from orbits.archive import ArchiveWriter
 from orbits.archive.samples import Samples
 from orbits.errors import ArchiveError, InputError, OrbitsError, OutOfRangeError, UnknownNameError
+from orbits.propagation import Trajectory
 from orbits.results.approaches import Rows
 from orbits.time_grid import TimeGrid
-from orbits.trajectory import Trajectory
 
 from ..problems import FIGURE_EIGHT
 
