@@ -25,6 +25,12 @@ def test_all_collisions_of_small_planetesimals_are_found(dt: float | None, secon
         assert {f"a{k}" for k in range(12)} == {event.body for event in run.events} - {"star"}
 
 
+def test_collisions_of_a_pair_that_goes_through_one_point_are_found_where_no_partial_step_leads() -> None:
+    """The whole step leaps over it; the search ended the run with a ConvergenceError."""
+    run = orbits.propagate(planetesimals(2, 1e-13, 1e-13), dt=0.3, duration=12.0, events=Collision(), check_step=False)
+    assert {event.body for event in run.events} == {f"a{k}" for k in range(12)}
+
+
 @pytest.mark.parametrize("way", [1.0, 1e2, 1e4, 1e6])
 def test_bodies_that_pass_within_a_step_touch_when_straight_lines_do(way: float) -> None:
     for phase, then in ((0.1, Merge()), (0.5, "stop"), (0.93, "record"), (0.5, orbits.events.Bounce())):

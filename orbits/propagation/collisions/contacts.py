@@ -220,7 +220,10 @@ class Contacts:
         q, v = whole(start.state(), start.time), whole(end.state, start.time)
 
         def at(time: float) -> tuple[Array, Array]:
-            return whole(state_in_step(start, time), start.time)
+            try:
+                return whole(state_in_step(start, time), start.time)
+            except IntegrationError:  # where a pair goes through one point; the whole step leaps over it
+                return np.full((len(of.there), 3), np.nan), np.full((len(of.there), 3), np.nan)
 
         massive, radii, order = np.flatnonzero(of.present_massive()), of.bodies.radii, of.integrator.order
         step = Step(start.time, end.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
