@@ -259,7 +259,7 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> tuple[fl
         return 0.0, 0.0
     e, angle = pair.shape(run.step)
     left = abs(end - run.clock.time(passage.step)) + abs(run.step)
-    if angle < MOST_ANGLE and pair.is_bound():  # a body is the fastest, and farthest off, at its pericentre
+    if angle < MOST_ANGLE and pair.is_bound():  # from a pericentre an error leads the farther, the larger e is
         growth = GROWTH * max(1.0, 0.5 * math.sqrt((1.0 + e) / max(1.0 - e, 1e-300)))
         noticeable = NEGLIGIBLE * pair.orbit.least
         noticed = ON_THE_SAFE_SIDE * noticeable

@@ -70,7 +70,7 @@ class ParticleSearches:
         self._light = [with_light(system, search.subjects) for search in self._searches]
         self._scales = [dynamical_time(light) for light, _ in self._light]
         self.stops = any(search.interrupts for search in self._searches)
-        together = isinstance(clock, Adaptive) and not self.stops
+        together = clock.lets_particles_choose and not self.stops
         self._most = min(TOGETHER, NUMBERS // (6 * len(system))) if together else 1
 
     def __bool__(self) -> bool:
