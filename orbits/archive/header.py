@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from orbits.archive.origin import Origin
 from orbits.archive.unit_systems import unit_system_from_text, unit_system_to_text
 from orbits.errors import ArchiveError, InputError, shown
-from orbits.integrators.encounters import as_written_before
+from orbits.integrators.maps.encounters import as_written_before
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.transformed import TimeTransformed

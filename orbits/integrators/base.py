@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from orbits.errors import InputError
-from orbits.integrators.encounters import Encounters
 from orbits.integrators.forms import Array, Form
+from orbits.integrators.maps.encounters import Encounters
 from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, Lagrangian
 from orbits.tableaux import PartitionedTableau
 
@@ -28,6 +28,10 @@ MOMENTUM_MAPS = "momentum maps"
 
 
 OPTION = "option"
+
+
+APART = 64
+"""The number of steps between the states that are kept of a run of which not all are."""
 
 
 def option(default: Any) -> Any:
@@ -48,6 +52,8 @@ class Integrator:
     variational : whether the step solves the Euler–Lagrange equations of the discrete Lagrangian of its tableau
     follows_kepler : whether bodies move on Kepler orbits about a dominant one, and steps are judged as such
     least_steps : then, the steps in a full turn at the speed of a pericentre below which they do not resolve it
+    instead_of_meeting : what the user may do besides a smaller dt where bodies meet, in words
+    keeps_every : the steps between the states that dense output keeps of massive bodies; more where one is costly
     exact_for_two : then, whether the motion of a single planet is exact
     own_discrete_lagrangian : in words for certificates, what L_d a method on Kepler orbits has that is not variational
     source : the literature on the method
@@ -64,6 +70,8 @@ class Integrator:
     variational: ClassVar[bool] = False
     follows_kepler: ClassVar[bool] = False
     least_steps: ClassVar[int] = 16
+    instead_of_meeting: ClassVar[str] = "softening"
+    keeps_every: ClassVar[int] = 1
     exact_for_two: ClassVar[bool] = True
     own_discrete_lagrangian: ClassVar[str] = "that of a composition of maps, with states between them"
     source: ClassVar[str]

@@ -23,8 +23,8 @@ from typing import Any, ClassVar
 
 from orbits.checks import is_whole
 from orbits.errors import InputError, shown
-from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.encounters import FOLLOW, RETIRE, WARN, Encounters, read, without_planets
+from orbits.integrators.base import APART, MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
+from orbits.integrators.maps.encounters import FOLLOW, RETIRE, WARN, Encounters, read, without_planets
 from orbits.integrators.maps.stages_form import KeplerStages
 from orbits.lagrangians.base import NEWTONIAN, SEPARABLE
 from orbits.tableaux.near_integrable import KNOWN, REFINED
@@ -68,6 +68,8 @@ class SABA(Integrator):
     requires: ClassVar[frozenset[str]] = frozenset({SEPARABLE, NEWTONIAN})
     declares: ClassVar[frozenset[str]] = frozenset({SYMPLECTIC, SYMMETRIC, MOMENTUM_MAPS})
     follows_kepler: ClassVar[bool] = True
+    instead_of_meeting: ClassVar[str] = "end the run before"
+    keeps_every: ClassVar[int] = APART
     source: ClassVar[str] = "McLachlan (1995); Laskar & Robutel (2001); Blanes et al. (2013)"
 
     def __post_init__(self) -> None:

@@ -29,9 +29,9 @@ from typing import Any, ClassVar
 
 from orbits.checks import checked_flag, finite_number, has_unit, is_one_of, is_whole
 from orbits.errors import InputError, shown
-from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
-from orbits.integrators.encounters import Encounters, read, without_planets
+from orbits.integrators.base import APART, MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator, option
 from orbits.integrators.forms import Form
+from orbits.integrators.maps.encounters import Encounters, read, without_planets
 from orbits.integrators.maps.jacobi_form import KeplerSplitting
 from orbits.integrators.maps.stages_form import DemocraticHeliocentric
 from orbits.lagrangians.base import ABOUT_ONE_BODY, NEWTONIAN, Lagrangian
@@ -143,6 +143,8 @@ class WisdomHolman(Integrator):
     summary: ClassVar[str] = "Wisdom–Holman: bodies about a dominant one, corrected Kepler orbits and kicks"
     requires: ClassVar[frozenset[str]] = frozenset({ABOUT_ONE_BODY})
     follows_kepler: ClassVar[bool] = True
+    instead_of_meeting: ClassVar[str] = "end the run before"
+    keeps_every: ClassVar[int] = APART
     source: ClassVar[str] = (
         "Wisdom & Holman (1991); Wisdom, Holman & Touma (1996); Wisdom (2006); Rein, Tamayo & Brown (2019)"
     )

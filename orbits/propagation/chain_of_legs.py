@@ -49,7 +49,7 @@ class ChainOfLegs(March):
         system, clock, collisions = bodies.system, bodies.clock, bodies.collisions
         self.system, self.clock, self.bodies, self._events = system, clock, bodies, events
         self._contacts = None if collisions is None else Contacts(bodies, collisions, events)
-        self._seeks = collisions is not None and bool(events)  # other events, from collision to collision
+        self._seeks = collisions is not None and bool(events.of_bodies)  # other events, from collision to collision
         few = collisions is not None and collisions.only_merges
         self._room = room or (2 * len(system) if few else ROOM)
         self._work = np.zeros((len(system.forces), 7))
@@ -182,14 +182,14 @@ class ChainOfLegs(March):
         """Seek the events of the bodies that are there now, after a change, or in a run that is resumed."""
         if self._seeks and self._contacts is not None:
             self._contacts.follow_events()
-        elif self._events.interrupts:
+        elif self._events.of_bodies.interrupts:
             self._events.follow(self.bodies.now())
 
     def _settle(self) -> None:
         """Go on with whole steps, once the part of a step with which a leg began is done."""
         if self._grid >= 0 and self._leg.step:
             if self._seeks:
-                self._events.flush()
+                self._events.of_bodies.flush()
             self._work = self._work + self._leg.accounts()
             step, self._grid = self._grid + 1, -1
             self._follow(self.bodies.march(*self._leg.state(), self.clock), self._leg, step, self.time)

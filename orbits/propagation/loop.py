@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
@@ -15,7 +15,6 @@ from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
 from orbits.archive.pace import PACE, Pace
 from orbits.errors import (
     EventError,
-    EventWarning,
     IntegrationError,
     Interrupted,
     OrbitsError,
@@ -23,19 +22,17 @@ from orbits.errors import (
     StorageError,
     with_unit,
 )
-from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.march import March
-from orbits.propagation.checks.precision import energy_lost
-from orbits.propagation.checks.rigid_runs import is_rigid, overlaps
+from orbits.propagation.checks.after_the_run import found_in
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
 from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.events.base import Sample
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.results.recording import observed_until
-from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end, seen_by
+from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end
 from orbits.propagation.resuming.sample_store import SampleStore
 from orbits.propagation.run_ends import ParticlesOfRun, RunEnds
 from orbits.system import System
@@ -190,7 +187,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
     yield None
     try:
         with StopRequest() as late:
-            for finding in _found_in(trajectory, watch, known):
+            for finding in found_in(trajectory, watch, known):
                 finding.warn()
         if late.name:
             raise Interrupted(f"{late.name} came when the run was done; it is complete", trajectory=trajectory)
@@ -212,29 +209,6 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         what = f"stopped by {stop.name} at {at}, {len(trajectory)} of {len(grid)} samples done"
         raise Interrupted(what, how, trajectory=trajectory)
     return trajectory
-
-
-def _found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Finding]:
-    """Find what the caller should know of a run, after `known` particles were lost before it."""
-    if len(trajectory.retired) > known:
-        from orbits.propagation.checks.unresolved_passages import lost
-
-        yield from lost(trajectory)
-    if remarks := watch.events.remarks():
-        yield Finding("of the events that were sought:", EventWarning, "events in doubt", remarks)
-    if not watch.check_step:
-        return
-    yield from energy_lost(trajectory)
-    if trajectory._record is None:
-        return
-    if is_rigid(trajectory.system):
-        yield from overlaps(trajectory, seen_by(trajectory))
-    if len(trajectory._record.listed):
-        from orbits.propagation.checks import kepler_splitting, unresolved_passages
-
-        maps = trajectory.integrator.follows_kepler
-        look = kepler_splitting.not_followed if maps else unresolved_passages.not_resolved
-        yield from look(trajectory, seen_by(trajectory))
 
 
 def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:
@@ -349,7 +323,7 @@ def _sample(
                 store.commit(marcher)
             continue
         goal = float(grid.goals[index])
-        while events.interrupts:  # those between the last step and the sample
+        while events.of_bodies.interrupts:  # those between the last step and the sample
             found = watch.ahead(goal)
             if watch.interrupted(found):
                 return False
@@ -357,7 +331,7 @@ def _sample(
                 break
         if index == len(grid) and not particles and events.stops is None:
             break
-        single = alone or bool(events.interrupts) or events.stops is not None
+        single = alone or bool(events.of_bodies.interrupts) or events.stops is not None
         most = 1 if single else min(store.room, AT_ONCE, len(grid) - index)
         q, v = marcher.samples.ahead(places.between(index, index + most))
         sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()

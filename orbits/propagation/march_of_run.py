@@ -30,9 +30,8 @@ def march_of_run(
     """
     if not events.touching and not events.act:
         stops = None if events.stops is None else events.stops.rows
-        march = bound(
-            system, integrator, clock, threads, conditions, dense=bool(events), stops=stops, approaches=approaches
-        )
+        dense = bool(events.of_bodies)
+        march = bound(system, integrator, clock, threads, conditions, dense=dense, stops=stops, approaches=approaches)
         events.check(march)
         return march
     if conditions is not None and conditions.distances:
@@ -61,7 +60,7 @@ def march_of_run(
     from orbits.propagation.collisions.of_a_run import Collisions
 
     collisions = Collisions(system, events.touching) if events.touching else None
-    bodies = BodiesOfRun(system, integrator, clock, threads, collisions, bool(events), approaches)
+    bodies = BodiesOfRun(system, integrator, clock, threads, collisions, bool(events.of_bodies), approaches)
     chain = ChainOfLegs(bodies, events)
     events.check(chain.current)
     return chain

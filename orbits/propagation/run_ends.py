@@ -97,14 +97,14 @@ class RunEnds:
                 if changed is not None:
                     cast("ChainOfLegs", marcher).change(happening.kind, found.time, *state, happening.system, changed)
             except Exception:
-                self.events.log.drop_from(found.time)  # a run that is resumed acts there
+                self.events.of_bodies.log.drop_from(found.time)  # a run that is resumed acts there
                 raise
             if changed is None:
                 return False
             former = list(self.events.asked.bounds)
             marcher.follow_events()
             return self.interrupted(self.events.jump_at(found, former, state, marcher.state()))
-        self.events.log.drop_after(found.time)  # collisions in the step, which may be listed before
+        self.events.of_bodies.log.drop_after(found.time)  # collisions in the step, which may be listed before
         self.end_at(happening, found.time, state)
         return True
 
@@ -219,9 +219,9 @@ class ParticlesOfRun:
             checkpoint, firm = self._kept
             if (found.time - marcher.time) * self._clock.direction > 0.0:
                 watch.events.before(marcher, found.time, record=True)
-            watch.events.flush()
-            watch.events.log.drop_after(found.time)
-            watch.events.log.firm = min(firm, len(watch.events.log.rows))
+            watch.events.of_bodies.flush()
+            watch.events.of_bodies.log.drop_after(found.time)
+            watch.events.of_bodies.log.firm = min(firm, len(watch.events.of_bodies.log.rows))
             marcher.restore(checkpoint)
         return True
 
@@ -229,5 +229,5 @@ class ParticlesOfRun:
         """Return where the march is, and how many of its events are firm, if particles may end it after that."""
         if not self._followed.stops:
             return None
-        self._watch.events.flush()
-        return self._marcher.checkpoint(), self._watch.events.log.firm
+        self._watch.events.of_bodies.flush()
+        return self._marcher.checkpoint(), self._watch.events.of_bodies.log.firm

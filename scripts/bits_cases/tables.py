@@ -31,7 +31,7 @@ from orbits.events import (
     Pericentre,
     PlaneCrossing,
 )
-from orbits.integrators.encounters import Encounters
+from orbits.integrators.maps.encounters import Encounters
 from orbits.methods import Composition, ImplicitMidpoint, LobattoIIIAB
 from orbits.terms import (
     Damping,

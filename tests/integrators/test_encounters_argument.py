@@ -12,7 +12,7 @@ import orbits
 from orbits.archive.header import Header, from_items, to_items
 from orbits.errors import InputError
 from orbits.integrators import build, describe, parse
-from orbits.integrators.encounters import OF_PARTICLES, OF_PLANETS, Encounters, read
+from orbits.integrators.maps.encounters import OF_PARTICLES, OF_PLANETS, Encounters, read
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.methods import SABA
 from orbits.time_grid import TimeGrid

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.base import APART
 from orbits.integrators.forms import Array
 from orbits.kernels.search.record import COLUMNS, MATE, ROW, WHEN
 from orbits.kernels.steps import NEAR_A_PLANET, OK
@@ -17,7 +18,6 @@ from orbits.marching.following import losses
 from orbits.marching.following.losses import Contact, Suspect
 from orbits.marching.following.retirement import Lost, Retired, Retirement, earlier, hit, retirements
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
-from orbits.marching.legs.step_keeping import APART
 from orbits.marching.legs.ways import Reached
 from orbits.marching.watching import kepler_passages
 

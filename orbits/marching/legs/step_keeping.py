@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
-from orbits.integrators.base import Integrator
+from orbits.integrators.base import APART, Integrator
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.legs.interruptions import Interruption, LegWatcher
@@ -17,15 +17,12 @@ from orbits.marching.legs.interruptions import Interruption, LegWatcher
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
 
-APART = 64
-"""The number of steps between the states that are kept of a run of which not all are; see `steps_apart`."""
-
 
 def steps_apart(integrator: Integrator, massive: NDArray[np.bool_]) -> int:
     """Return the number of steps between the states that are kept of a run, for dense output: 1 if partial steps lead
     on from each. With massless particles, and for methods whose states are costly to see, a march does.
     """
-    return 1 if massive.all() and not integrator.follows_kepler else APART
+    return integrator.keeps_every if massive.all() else APART
 
 
 def keep_steps(

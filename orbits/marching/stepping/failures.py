@@ -75,7 +75,7 @@ def failure_of_bodies(
     whom = f" of {', '.join(names)}" if names else ""
     why = (
         f"the state{whom} is no longer finite; two bodies met, or dt is far too long. Use a smaller dt, "
-        f"{'or end the run before' if integrator.follows_kepler else 'or softening'}."
+        f"or {integrator.instead_of_meeting}."
     )
     if status == INNER_NOT_CONVERGED:
         kind, why = ConvergenceError, (

@@ -147,7 +147,7 @@ class Contacts:
         of_massive = of.massive[rows[:, changes.BODY].astype(int)]
         for time in (np.unique(rows[of_massive, changes.TIME] * self._direction) * self._direction).tolist():
             bodies = of.changes.bodies_at(time)
-            self._events.go_on_with(Left(bodies, of.massive & ~bodies.present, time))
+            self._events.of_bodies.go_on_with(Left(bodies, of.massive & ~bodies.present, time))
 
     def _is_later(self, time: float, other: float) -> bool:
         return (time - other) * self._direction > 0.0
@@ -156,7 +156,7 @@ class Contacts:
         """Return whether a collision is listed already, or a body of it is gone."""
         if not (self._of.bodies.present[impact.first] and self._of.bodies.present[impact.second]):
             return True
-        listed = self._events.log.rows
+        listed = self._events.of_bodies.log.rows
         pairs = np.sort(listed[listed[:, TIME] == impact.time][:, [BODY, OTHER]], axis=1)
         return bool((pairs == [impact.first, impact.second]).all(axis=1).any())
 
@@ -178,7 +178,7 @@ class Contacts:
         of, time = self._of, impact.time
         q, v = of.whole(state_in_step(leg, time), leg.time)
         before = State(of.bodies.gm, of.bodies.radii, q, v)
-        known = self._collisions.events(self._events.log.rows)
+        known = self._collisions.events(self._events.of_bodies.log.rows)
         try:
             done = self._collisions.act(of.system, of.bodies, before, impact, known, self._direction)
         except IntegrationError:
@@ -199,9 +199,9 @@ class Contacts:
                 leg.losses.retire(leg, int(numbers[body]), IMPACT, leg.step, time, q[body], v[body])
         if not changed:
             return None
-        if self._events:
+        if self._events.of_bodies:
             left = Left(of.bodies, of.massive & ~of.bodies.present, time)
-            found = self._events.go_through(time, (q, v), (done.after.q, done.after.v), left)
+            found = self._events.of_bodies.go_through(time, (q, v), (done.after.q, done.after.v), left)
         return Outcome(found, None, time, done.after)
 
     def _seek_up_to(self, leg: Leg, time: float, q: Array, v: Array) -> Found | None:

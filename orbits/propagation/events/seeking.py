@@ -27,12 +27,12 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 
-class Seeking(MotionSearch):
-    """The events of a run, and what was found of them: the search on the motion of the bodies with mass, as it is
-    marched, and searches for the events of massless ones.
+class Seeking:
+    """The events of a run, and what was found of them.
 
     events : as they were given;  direction : of the run in time, 1 or -1
 
+    of_bodies : the search on the motion of the bodies with mass, as it is marched
     particles : the searches for the events of massless bodies, each on a motion with those of its `subjects`
     seek_of_particles : seeks their events up to the last sample
     touching, act, stops : see `Asked`
@@ -40,9 +40,9 @@ class Seeking(MotionSearch):
     """
 
     def __init__(self, system: System, events: Sought | Sequence[Sought], direction: float) -> None:
-        asked = Asked(system, events, direction)
-        groups = asked.by_particles()
-        super().__init__(asked, groups.pop((), []), ())
+        self.asked = asked = Asked(system, events, direction)
+        groups, self._direction = asked.by_particles(), direction
+        self.of_bodies = MotionSearch(asked, groups.pop((), []), ())
         self.events, self.touching, self.act, self.stops = asked.events, asked.touching, asked.act, asked.stops
         self.particles = [MotionSearch(asked, numbers, bodies) for bodies, numbers in groups.items()]
         self.seek_of_particles: Callable[[], object] = lambda: None
@@ -58,7 +58,7 @@ class Seeking(MotionSearch):
 
     def check(self, marcher: Legs) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
-        if self and marcher.home.stepper.loops.parallel is not None:
+        if self.of_bodies and marcher.home.stepper.loops.parallel is not None:
             raise InputError(
                 "events are sought on the motion within steps, which is not recorded for the "
                 f"{len(self.asked.system):,} bodies of this run on several threads; use threads=1, or leave out "
@@ -67,19 +67,19 @@ class Seeking(MotionSearch):
 
     def complete(self) -> None:
         """Seek all events up to the steps and the sample that were taken last; call it before the list is stored."""
-        self.flush()
+        self.of_bodies.flush()
         self.seek_of_particles()
 
     def table(self) -> Events:
         """Return what was found so far."""
-        rows = [self.log.rows, *(search.log.rows for search in self.particles)]
-        words = [bound.words for bound in self._bounds]
+        rows = [self.of_bodies.log.rows, *(search.log.rows for search in self.particles)]
+        words = [bound.words for bound in self.asked.bounds]
         found = in_order(rows, self._direction) if self.particles else rows[0]
         return Events(self.asked.system, words, found, self.asked.views)
 
     def checkpoint(self) -> dict[str, NDArray[Any]]:
         """Return what is found up to the state that the march has reached, as arrays of fixed shapes."""
-        known = self.log.checkpoint() if self.events else {}
+        known = self.of_bodies.log.checkpoint() if self.events else {}
         if self.particles:
             logs = [search.log for search in self.particles]
             firm = in_order([log.rows[: log.firm] for log in logs], self._direction)
@@ -92,24 +92,25 @@ class Seeking(MotionSearch):
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], path: Any) -> None:
         """Go on with the list of a checkpoint."""
         if self.events:
-            self.log.restore(checkpoint, len(self._bounds), len(self.asked.system), path)
+            log = self.of_bodies.log
+            log.restore(checkpoint, len(self.asked.bounds), len(self.asked.system), path)
             if self.touching:  # the march may list a collision before it comes to events that are earlier in its step
-                ends = np.array([event.then == STOP for event in self._of])[self.log.rows[:, NUMBER].astype(int)]
-                self.log.forget()
+                ends = np.array([event.then == STOP for event in self.asked.of])[log.rows[:, NUMBER].astype(int)]
+                log.forget()
                 if ends.any():
-                    self.log.pass_by(float(self.log.rows[ends, TIME][-1]))
+                    log.pass_by(float(log.rows[ends, TIME][-1]))
         if self.particles:
-            rows = rows_of_particles(checkpoint, len(self._bounds), len(self.asked.system), path)
+            rows = rows_of_particles(checkpoint, len(self.asked.bounds), len(self.asked.system), path)
             for search in self.particles:
-                search.log.take(rows[np.isin(rows[:, NUMBER], search._numbers)])
+                search.log.take(rows[np.isin(rows[:, NUMBER], search.numbers)])
 
     def remarks(self) -> list[str]:
         """Return what is to be said of events that mean nothing, or may be incomplete."""
-        return [*super().remarks(), *(said for search in self.particles for said in search.remarks())]
+        return [*self.of_bodies.remarks(), *(said for search in self.particles for said in search.remarks())]
 
     def note(self, row: NDArray[np.float64]) -> None:
         """List an event that the march found. Raises EventError if there are too many."""
-        self._add(row, True)
+        self.of_bodies.add(row, True)
 
     # ------------------------------------------------------------------------------------------- along the march
 
@@ -131,10 +132,10 @@ class Seeking(MotionSearch):
     def jump_at(
         self, acted: Found, former: list[Bound], before: tuple[Array, Array], after: tuple[Array, Array]
     ) -> Found | None:
-        """Go through what an event did to the bodies, as `jump`; its own function is zero there anyway."""
+        """Go through what an event did to the bodies, as `MotionSearch.jump`; its own function is zero there anyway."""
         massive = self.asked.system.massive[:, None]
         then, now = ((np.where(massive, q, np.nan), np.where(massive, v, np.nan)) for q, v in (before, after))
-        return self.jump(former, acted.time, then, now, acted.number)
+        return self.of_bodies.jump(former, acted.time, then, now, acted.number)
 
     def before_sample(self, marcher: Legs, sample: Sample) -> Found | None:
         """Return the event that ends the run between the state of the march and a sample less than a step ahead, if a
@@ -156,24 +157,24 @@ class Seeking(MotionSearch):
         comes to its bound up to a time; it is recorded, with those before it.
         """
         assert self.stops is not None
-        passed = self.stops.first(marcher, end, self.log.last + SAME * abs(end.time - marcher.time))
+        passed = self.stops.first(marcher, end, self.of_bodies.log.last + SAME * abs(end.time - marcher.time))
         if passed is None or (passed.time - until) * self._direction > 0.0:
             return None
         earlier = self.before(marcher, passed.time, record=True)
         if earlier is not None:
             return earlier
         number, column, time = passed
-        bound, columns = self._bounds[number], np.array([column])
+        bound, columns = self.asked.bounds[number], np.array([column])
         t, (q, v) = np.array([time]), (x[None] for x in marcher.state_after(time - marcher.time))
         rising = bound.words[0] is None
-        self._add(self._rows(number, np.array([rising]), t, q, v, columns)[0], True)
-        self.log.pass_by(time)
+        self.of_bodies.add(self.of_bodies.rows_of(number, np.array([rising]), t, q, v, columns)[0], True)
+        self.of_bodies.log.pass_by(time)
         return Found(number, column, rising, 0, time)
 
     def _after(self, marcher: Legs) -> Found | None:
-        if not self:
+        if not self.of_bodies:
             return None
-        found = self.take(marcher.last.motion())
+        found = self.of_bodies.take(marcher.last.motion())
         if found is not None:
             marcher.go_back(found.steps)
         return found
@@ -186,13 +187,13 @@ class Seeking(MotionSearch):
         record : whether to record them; otherwise only those up to one that interrupts the run are recorded, if any
         end : q and v there, (bodies, 3), if the march goes on from there: what is found is then firm
         """
-        self.flush()
-        if not self or (time - marcher.time) * self._direction <= 0.0:
+        self.of_bodies.flush()
+        if not self.of_bodies or (time - marcher.time) * self._direction <= 0.0:
             return None
         for motion, ends in within_step.stretches(*within_step.towards(marcher.leg, time)):
             if ends and end is not None:
                 motion.end_in(*end)
-            found = self._seek(motion, end is not None, record)
+            found = self.of_bodies.seek(motion, end is not None, record)
             if found is not None:
                 return found
         return None
@@ -202,11 +203,11 @@ class Seeking(MotionSearch):
         ahead, in whole steps: it is where it is without a sample at this time. If the march cannot take them, on the
         way to the time.
         """
-        self.flush()
-        if not self.interrupts or (time - marcher.time) * self._direction <= 0.0:
+        self.of_bodies.flush()
+        if not self.of_bodies.interrupts or (time - marcher.time) * self._direction <= 0.0:
             return None
         try:
-            return in_next_steps(marcher, time, lambda: self._seek(marcher.last.motion(), False, False, time))
+            return in_next_steps(marcher, time, lambda: self.of_bodies.seek(marcher.last.motion(), False, False, time))
         except EventError:
             raise
         except IntegrationError:

@@ -14,7 +14,7 @@ from orbits.checks import whole_number
 from orbits.errors import RetiredWarning, StepWarning, counted, with_unit
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
-from orbits.integrators.encounters import WARN
+from orbits.integrators.maps.encounters import WARN
 from orbits.marching.legs.leg import available_threads
 from orbits.marching.tangents.of_particles import ParticleTangents, Passages
 from orbits.marching.watching.kepler_passages import HILL_RADII, near_a_planet

@@ -57,7 +57,7 @@ class MotionSearch:
 
     def __init__(self, asked: Asked, numbers: list[int], subjects: tuple[int, ...]) -> None:
         self.asked, self.subjects, self._direction = asked, subjects, asked.direction
-        self._numbers, self._bounds, self._of = numbers, asked.bounds, asked.of
+        self.numbers, self._bounds, self._of = numbers, asked.bounds, asked.of
         self.interrupts = any(self._of[k].interrupts for k in numbers)
         if numbers:
             self._there = asked.system.massive.copy()
@@ -71,7 +71,7 @@ class MotionSearch:
     def _begin_leg(self) -> None:
         """Make room for the motion of these bodies, and see which of them matter."""
         self._needed = np.zeros(len(self.asked.system), dtype=bool)
-        for k in self._numbers:
+        for k in self.numbers:
             bodies = self._bounds[k].bodies()
             self._needed[slice(None) if bodies is None else bodies] = True
         most = max(1, min(STEPS, NUMBERS // (30 * len(self.asked.system))))
@@ -88,9 +88,9 @@ class MotionSearch:
         except (EventError, Raised):
             self.log.broken = True
             raise
-        for number in over.keys() & set(self._numbers):
+        for number in over.keys() & set(self.numbers):
             self._remark(number, over[number])
-        self._numbers = [k for k in self._numbers if len(self._bounds[k].pairs)]
+        self.numbers = [k for k in self.numbers if len(self._bounds[k].pairs)]
         self._begin_leg()
 
     def go_through(
@@ -117,7 +117,7 @@ class MotionSearch:
         """
         found: list[Found] = []
         try:
-            for number in self._numbers:
+            for number in self.numbers:
                 if number != but:
                     found += self._jumps(number, former[number], time, before, after)
         except (EventError, Raised):
@@ -151,30 +151,30 @@ class MotionSearch:
         clear = are_clear(bound, zeros, np.array([longest]), longest, t, q, v)
         if (kept & ~clear).any():
             self._remark(number, ROUND_OFF)
-        rows = self._rows(number, rising, t, q, v, columns)
+        rows = self.rows_of(number, rising, t, q, v, columns)
         for k in np.flatnonzero(kept & clear):
             if not self.log.has(rows[k], ROUNDED * abs(time)):
-                self._add(rows[k], True)
+                self.add(rows[k], True)
                 yield Found(number, int(columns[k]), bool(rising[k]), 0, time)
 
     def __bool__(self) -> bool:
         """Whether there are functions whose zeros are sought on the motion of the bodies with mass."""
-        return bool(self._numbers)
+        return bool(self.numbers)
 
     def take(self, motion: Motion) -> Found | None:
         """Take whole steps; return the first event that interrupts the run, if any: later ones are not listed."""
         if not self or self.interrupts:
-            return self._seek(motion, True) if self else None
+            return self.seek(motion, True) if self else None
         if len(motion) >= self._enough or not self._collected.takes(motion):
             self.flush()
             if len(motion) >= self._enough or not self._collected.takes(motion):
-                self._seek(motion, True)
+                self.seek(motion, True)
         return None
 
     def flush(self) -> None:
         """Seek events in all steps that were taken."""
         if self and len(self._collected):
-            self._seek(self._collected.emptied(), True)
+            self.seek(self._collected.emptied(), True)
 
     def along(self, motion: Motion, since: float) -> Found | None:
         """Seek events in the next stretch of a motion; return the first one that interrupts the run, if any.
@@ -182,7 +182,7 @@ class MotionSearch:
         since : the time up to which they were sought before
         """
         self._since = since
-        return self._seek(motion, False)
+        return self.seek(motion, False)
 
     def may_be(self, motion: Motion) -> Array:
         """Return the times between which there may be events in a motion, (2, m): those of the steps with brackets of
@@ -191,7 +191,7 @@ class MotionSearch:
         stretch, found = Stretch(motion, self._there, self._needed), [np.empty((2, 0))]
         lengths, nothing = np.diff(stretch.times), np.empty(0, dtype=np.int64)
         self._longest = max(self._longest, float(np.abs(lengths).max(initial=0.0)))
-        for parts, failure in brackets_of([self._bounds[number] for number in self._numbers], stretch):
+        for parts, failure in brackets_of([self._bounds[number] for number in self.numbers], stretch):
             if failure is not None:
                 raise failure
             steps = np.unique(np.concatenate([nothing, *(some.steps for some in parts)]))
@@ -211,7 +211,7 @@ class MotionSearch:
     def _between(self, t: Array, q: Array, v: Array) -> tuple[Array, NDArray[np.int64], None]:
         """Return what `_found` returns, between two such states."""
         rows, places = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)]
-        for number in self._numbers:
+        for number in self.numbers:
             bound = self._bounds[number]
             g, g_end = bound.values(t, q, v, np.arange(len(bound.pairs)))
             wanted = np.array([word is not None for word in bound.words])
@@ -225,11 +225,11 @@ class MotionSearch:
             there, there_v = (np.repeat(x[1:], len(columns), axis=0) for x in (q, v))
             kept = bound.keeps(at, there, there_v, columns)
             kept &= ~are_at_start(bound, zeros, np.diff(t), at, there, there_v)
-            rows.append(self._rows(number, zeros.rising, at, there, there_v, columns)[kept])
+            rows.append(self.rows_of(number, zeros.rising, at, there, there_v, columns)[kept])
             places.append(np.array([(number, column, 0) for column in columns])[kept])
         return np.concatenate(rows), np.concatenate(places), None
 
-    def _seek(self, motion: Motion, firm: bool, record: bool = True, until: float | None = None) -> Found | None:
+    def seek(self, motion: Motion, firm: bool, record: bool = True, until: float | None = None) -> Found | None:
         """Find the events in a stretch of the march and record them; those after one that interrupts are left out, and
         those after a time `until`.
         """
@@ -252,7 +252,7 @@ class MotionSearch:
         record: bool,
         until: float | None,
     ) -> Found | None:
-        """Record what `_found` found in steps that begin and end at these times; see `_seek`."""
+        """Record what `_found` found in steps that begin and end at these times; see `seek`."""
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
         if until is not None:
             order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
@@ -270,7 +270,7 @@ class MotionSearch:
         last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction
         if record or acting:
             for k in order[(rows[order, TIME] - last) * self._direction <= 0.0]:
-                self._add(rows[k], firm or bool(acting))
+                self.add(rows[k], firm or bool(acting))
         if failure is not None and (failure.time - last) * self._direction <= 0.0:
             raise failure
         if not acting:
@@ -283,11 +283,11 @@ class MotionSearch:
     def _found(self, stretch: Stretch) -> tuple[Array, NDArray[np.int64], EventError | None]:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
         rows, places, failure = [np.empty((0, COLUMNS))], [np.empty((0, 3), dtype=np.int64)], None
-        bounds = [self._bounds[number] for number in self._numbers]
+        bounds = [self._bounds[number] for number in self.numbers]
         answers = zeros_of(bounds, stretch)
         lengths = np.diff(stretch.times)
         self._longest = max(self._longest, float(np.abs(lengths).max()))
-        for number, bound, (found, missing) in zip(self._numbers, bounds, answers, strict=True):
+        for number, bound, (found, missing) in zip(self.numbers, bounds, answers, strict=True):
             if missing is not None and (failure is None or (missing.time - failure.time) * self._direction < 0.0):
                 failure = self._not_finite(number, missing)
             if not len(found.steps):
@@ -300,7 +300,7 @@ class MotionSearch:
             elif in_every_step(found.steps[kept], found.columns[kept], len(stretch)):
                 self._remark(number, EVERY_STEP)
             kept &= clear
-            rows.append(self._rows(number, found.rising, t, q, v, found.columns)[kept])
+            rows.append(self.rows_of(number, found.rising, t, q, v, found.columns)[kept])
             places.append(np.column_stack([np.full(len(t), number), found.columns, found.steps])[kept])
         every, where = np.concatenate(rows), np.concatenate(places)
         if failure is not None:
@@ -308,7 +308,7 @@ class MotionSearch:
             every, where = every[before], where[before]
         return every, where, failure
 
-    def _rows(self, number: int, rising: NDArray[np.bool_], t: Array, q: Array, v: Array, columns: Whole) -> Array:
+    def rows_of(self, number: int, rising: NDArray[np.bool_], t: Array, q: Array, v: Array, columns: Whole) -> Array:
         """Return the rows of zeros of a function, whether it rises at each, and the states there."""
         bound, numbers = self._bounds[number], np.full(len(t), number)
         return np.column_stack([t, numbers, rising, bound.pairs[columns], bound.figures(t, q, v, columns)])
@@ -320,14 +320,14 @@ class MotionSearch:
 
     def remarks(self) -> list[str]:
         """Return what is to be said of events that mean nothing, or may be incomplete."""
-        for number in self._numbers:
+        for number in self.numbers:
             # What acts ends a stretch of the march, in which it is therefore found but once.
             rows = self.log.rows[self.log.rows[:, NUMBER] == number]
             if self._of[number].acts and in_rapid_succession(rows, 0.5 * self._longest):
                 self._remark(number, EVERY_STEP)
         return [said for _, said in sorted(self._remarks.items())]
 
-    def _add(self, row: Array, firm: bool) -> None:
+    def add(self, row: Array, firm: bool) -> None:
         if self.log.full:
             often = np.bincount(self.log.rows[:, NUMBER].astype(int))
             most, when = int(np.argmax(often)), self.asked.when(row[TIME])

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, IntegrationError, with_unit
 from orbits.integrators.base import Integrator
-from orbits.integrators.encounters import FOLLOW
+from orbits.integrators.maps.encounters import FOLLOW
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.following.excursion_rules import METHOD
