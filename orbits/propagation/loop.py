@@ -142,8 +142,11 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
                     particles.end()
                 except (IntegrationError, Raised) as error:
                     failure = error.error if isinstance(error, Raised) else error
-                    with suppress(EventError, Raised):
+                    try:
                         watch.events.complete()
+                    except (EventError, Raised) as other:
+                        if not isinstance(error, EventError | Raised):
+                            failure.add_note(f"Besides, the search for events had ended before: {other}")
                 store.ended = _how(run, complete, failure, stop)
                 store.commit(marcher)
                 bar.update(_reached(run, complete), marcher.step)

@@ -5,7 +5,7 @@ import pytest
 from astropy import units as u
 
 import orbits
-from orbits.errors import ArchiveError, ConvergenceError, EventError, InputError, RetiredWarning
+from orbits.errors import ArchiveError, ConvergenceError, EventError, InputError, RetiredWarning, SingularityError
 from orbits.events import (
     Apocentre,
     CloseApproach,
@@ -411,3 +411,15 @@ def test_what_cannot_be_sought_is_refused_with_a_remedy(monkeypatch):
 def test_dense_output_and_events_of_massless_bodies_go_together():
     run = sought(Pericentre("probe"), dense=True)
     same(run.events, sought(Pericentre("probe")).events)
+
+
+def test_a_march_that_fails_after_a_search_that_failed_tells_both():
+    position = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 30.0, 0.0]]
+    system = orbits.System(
+        ["a", "b", "dust"], [1.0, 1.0, 0.0], position, np.zeros((3, 3)), units=orbits.DIMENSIONLESS
+    )
+    broken = Event(lambda t, q, v: np.where(t < 0.25, q[:, 2, 0], np.nan), name="mine", bodies="dust")
+    options = {"duration": 5.0, "samples": 101, "check_step": False}
+    with pytest.raises(SingularityError, match="a and b meet there") as caught:
+        orbits.propagate(system, **options, events=broken)
+    assert "the search for events had ended before: the function of 'mine' is nan" in caught.value.__notes__[0]

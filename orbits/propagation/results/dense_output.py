@@ -17,6 +17,7 @@ from orbits.propagation.results.marched_again import MarchedAgain
 from orbits.system.model import most_inner
 from orbits.time_grid import snapped, times_since
 from orbits.trajectory.work import accounts_of
+from orbits.units import date_text
 
 if TYPE_CHECKING:
     from orbits.marching.stepping.kept_steps import KeptSteps
@@ -74,8 +75,11 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     inside = ((first - times) * direction <= 0.0) & ((last - times) * direction >= 0.0)
     if not inside.all():
         k = int(np.argmin(inside))
-        within = with_unit(f"{first:.10g} ... {last:.10g}", trajectory.system.units.time)
-        of = "samples" if span is None else "run"
+        system, of = trajectory.system, "samples" if span is None else "run"
+        within = with_unit(f"{first:.10g} ... {last:.10g}", system.units.time)
+        if system.epoch is not None:
+            dates = (date_text(system.epoch + x * system.units.time, 16) for x in (first, last))
+            within += f" ({' ... '.join(dates)} TDB)"
         raise InputError(f"{what.format(k)} = {times[k]:.10g} lies outside the {of}, {within}")
     needed = 48 * len(times) * len(trajectory.names)
     if needed > MEMORY_SHARE * memory():
