@@ -111,6 +111,11 @@ def certify(
             "certificates are of positions and velocities, and know no attitudes; certify the method for points, "
             "system.replaced(forces=()). Rigid bodies keep what it declares, as their free rotation is exact."
         )
+    if any(term.gives_bodies for term in problem.terms):
+        raise InputError(
+            "certificates are of massive bodies that are integrated, but those of a system in an ephemeris are read; "
+            "certify the method with them integrated: System.solar_system(...)."
+        )
     return _of_system(problem, integrator, dt)
 
 

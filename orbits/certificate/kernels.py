@@ -38,9 +38,6 @@ DOUBTS = 128.0
 FURTHER = 256.0
 """How many times the best doubt the rounding is at the shortest span: shorter ones may show that longer ones err."""
 
-GIVEN_MOTION = "given"
-"""The kernel of terms that give the motion of bodies, and are no part of L."""
-
 
 class Part(NamedTuple):
     """A Lagrangian, or a term of a sum by its number, as functions of x = (q, v), (2d,), in the order of kernels."""
@@ -98,7 +95,7 @@ def _parts(lagrangian: Lagrangian) -> list[Part]:
     tag = lagrangian.tag
     if not isinstance(tag, SumTag):
         return [Part(lagrangian, None)]
-    return [Part(lagrangian, k) for k, term in enumerate(tag.terms) if not term.provides(GIVEN_MOTION)]
+    return [Part(lagrangian, k) for k in range(len(tag.terms))]
 
 
 def _gradients(part: Part, x: Array, t: float) -> Measured:
