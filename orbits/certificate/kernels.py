@@ -26,17 +26,14 @@ Array = NDArray[np.float64]
 SPAN = 0.2137
 """The first half span of a difference, in units of the coordinate: no simple fraction of a period."""
 
-HALVINGS, LEAST, LEVELS = 40, 6, 6
-"""The most spans that are tried, the least, and the largest number of extrapolations."""
+HALVINGS, LEVELS = 40, 6
+"""The number of spans that are tried, and the largest number of extrapolations."""
 
 ROUNDING = 2.0
 """What a difference may be wrong by from rounding, in units of that of all that is added up in a kernel."""
 
 DOUBTS = 128.0
 """How many times its doubt a difference may be wrong by: the best of some sixty is close to others by chance."""
-
-FURTHER = 256.0
-"""How many times the best doubt the rounding is at the shortest span: shorter ones may show that longer ones err."""
 
 
 class Part(NamedTuple):
@@ -161,10 +158,9 @@ def derivative(function: Callable[[Array], Array], x: Array, j: int, span: float
         ahead, behind = x.copy(), x.copy()
         ahead[j] += span * 2.0**-k
         behind[j] -= span * 2.0**-k
-        rounded = ROUNDING * EPS * size / (span * 2.0**-k)
-        if k >= LEAST and np.all(rounded >= FURTHER * doubt):
-            break
-        new = [(function(ahead) - function(behind)) / (ahead[j] - behind[j])]
+        above, below = function(ahead), function(behind)
+        rounded = ROUNDING * EPS * np.maximum(size, np.maximum(np.abs(above), np.abs(below))) / (span * 2.0**-k)
+        new = [(above - below) / (ahead[j] - behind[j])]
         for i, before in enumerate(row[:LEVELS]):
             new.append(new[i] + (new[i] - before) / (4.0 ** (i + 1) - 1.0))
             off = np.maximum(np.abs(new[i + 1] - new[i]), np.abs(new[i + 1] - before)) + rounded
