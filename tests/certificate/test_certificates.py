@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -39,6 +40,18 @@ def test_a_system_with_particles_is_certified_with_their_fibres(certificate):
         *(f"momentum map: rotation about {x}" for x in "xyz"),
     ]
     assert certificate["order of the map"].measured == pytest.approx(8, abs=0.5)
+
+
+def test_a_particle_at_rest_at_the_origin_is_certified_too():
+    """Its part was NaN, which passed for 0."""
+    q, v = np.zeros((3, 3)), np.zeros((3, 3))
+    q[:2, 0], v[:2, 1] = (0.1, 1.0), (-0.1, 1.0)
+    resting = orbits.System(["a", "b", "p"], [1.0, 0.1, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        certificate = orbits.certify(resting, orbits.Gauss(stages=4), 0.05)
+    assert certificate.ok
+    assert 0.0 < certificate["symplecticity of particles"].measured < 4e-15
 
 
 @pytest.mark.nightly
