@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few
 from orbits.errors import InputError, shown, with_unit
 from orbits.point_masses import PointMasses
+from orbits.system.rigid_body import RIGID
 from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
@@ -118,3 +119,19 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
             f"{with_unit(q[heavy].tolist(), unit)}; expected different positions: at zero distance the attraction is "
             "infinite. Move one, or set a softening."
         )
+
+
+def check_figures(terms: Sequence[Any], forces: Sequence[Any]) -> None:
+    """Raise InputError for a body that is flattened twice, by two terms with a J2, or by one and as a rigid body."""
+    figures = [(term.body, type(term).__name__) for term in terms if getattr(term, "J2", 0.0) != 0.0]
+    for force in forces:
+        if force.kind == RIGID:
+            moments = zip(force.bodies, force.moments, strict=True)
+            figures += [(name, "RigidBody") for name, ABC in moments if np.ptp(ABC) > 0.0]
+    for k, (name, kind) in enumerate(figures):
+        for other, earlier in figures[:k]:
+            if name == other:
+                raise InputError(
+                    f"{name!r} is flattened twice, by {earlier} and by {kind}; expected one of them, and J2=0 in the "
+                    "other, or none: system.replaced(terms=[...])."
+                )

@@ -188,6 +188,14 @@ BAD = {
         lambda s: s.with_terms(DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Ceres")),
         "^DegreeTwo: attitude has 'Ceres', but gm of 'Ceres' is 0; expected a massive body",
     ),
+    "two figures": (
+        lambda s: s.with_terms(zonal(), DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Jupiter")),
+        "^'Sun' is flattened twice, by ZonalHarmonics and by DegreeTwo; expected one of them, and J2=0 in the other",
+    ),
+    "a figure that turns": (
+        lambda s: s.with_terms(zonal()).with_rigid("Sun", orbits.RigidBody(shape=(3, 3, 2), spin=1.0)),
+        "^'Sun' is flattened twice, by ZonalHarmonics and by RigidBody",
+    ),
     "massless source": (lambda s: s.with_terms(PostNewtonian(sources=["Ceres"])), "expected a massive body"),
     "no rate": (lambda s: s.with_forces(Drag()), "rate is missing"),
     "rate": (
