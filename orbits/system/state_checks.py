@@ -16,6 +16,9 @@ from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
 
+RELATIVITY = "post-newtonian", "nobili-roxburgh"
+"""The kinds of terms that are relativity."""
+
 
 def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any, units: UnitSystem) -> PointMasses:
     """Return the floats of a system in `units`, read-only and C-contiguous.
@@ -121,17 +124,24 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
         )
 
 
-def check_figures(terms: Sequence[Any], forces: Sequence[Any]) -> None:
-    """Raise InputError for a body that is flattened twice, by two terms with a J2, or by one and as a rigid body."""
-    figures = [(term.body, type(term).__name__) for term in terms if getattr(term, "J2", 0.0) != 0.0]
+def check_once(terms: Sequence[Any], forces: Sequence[Any], names: Sequence[str]) -> None:
+    """Raise InputError for a body with a J2 by two terms, or by a term and as a rigid body, and for one with relativity
+    by two terms.
+    """
+    acting = [(term.body, "has a J2", type(term).__name__) for term in terms if getattr(term, "J2", 0.0) != 0.0]
     for force in forces:
         if force.kind == RIGID:
             moments = zip(force.bodies, force.moments, strict=True)
-            figures += [(name, "RigidBody") for name, ABC in moments if np.ptp(ABC) > 0.0]
-    for k, (name, kind) in enumerate(figures):
-        for other, earlier in figures[:k]:
-            if name == other:
-                raise InputError(
-                    f"{name!r} is flattened twice, by {earlier} and by {kind}; expected one of them, and J2=0 in the "
-                    "other, or none: system.replaced(terms=[...])."
-                )
+            acting += [(name, "has a J2", "RigidBody") for name, ABC in moments if np.ptp(ABC) > 0.0]
+    for term in terms:
+        if term.kind in RELATIVITY:
+            of = getattr(term, "sources", None) or (names if term.body is None else [term.body])
+            acting += [(name, "has relativity", type(term).__name__) for name in of]
+    found: dict[tuple[str, str], str] = {}
+    for name, what, kind in acting:
+        earlier = found.setdefault((name, what), kind)
+        if earlier != kind:
+            raise InputError(
+                f"{name!r} {what} twice, by {earlier} and by {kind}; expected one of them, as they add up. Leave the "
+                "other one out: system.replaced(terms=[...])."
+            )

@@ -9,7 +9,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import InputError, UnknownNameError
-from orbits.terms import DegreeTwo, Drag, FrameDragging, PostNewtonian, ZonalHarmonics
+from orbits.terms import DegreeTwo, Drag, FrameDragging, NobiliRoxburgh, PostNewtonian, ZonalHarmonics
 
 from ..coverings import each
 
@@ -190,11 +190,19 @@ BAD = {
     ),
     "two figures": (
         lambda s: s.with_terms(zonal(), DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Jupiter")),
-        "^'Sun' is flattened twice, by ZonalHarmonics and by DegreeTwo; expected one of them, and J2=0 in the other",
+        "^'Sun' has a J2 twice, by ZonalHarmonics and by DegreeTwo; expected one of them, as they add up",
     ),
     "a figure that turns": (
         lambda s: s.with_terms(zonal()).with_rigid("Sun", orbits.RigidBody(shape=(3, 3, 2), spin=1.0)),
-        "^'Sun' is flattened twice, by ZonalHarmonics and by RigidBody",
+        "^'Sun' has a J2 twice, by ZonalHarmonics and by RigidBody",
+    ),
+    "relativity twice": (
+        lambda s: s.with_terms(PostNewtonian(sources=["Jupiter", "Sun"]), NobiliRoxburgh("Sun")),
+        "^'Sun' has relativity twice, by PostNewtonian and by NobiliRoxburgh",
+    ),
+    "relativity of all and of one": (
+        lambda s: s.with_terms(NobiliRoxburgh("Sun"), PostNewtonian()),
+        "^'Sun' has relativity twice, by NobiliRoxburgh and by PostNewtonian",
     ),
     "massless source": (lambda s: s.with_terms(PostNewtonian(sources=["Ceres"])), "expected a massive body"),
     "no rate": (lambda s: s.with_forces(Drag()), "rate is missing"),
