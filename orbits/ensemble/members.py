@@ -87,32 +87,39 @@ class Ensemble:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Particles(Ensemble):
-    """Massless bodies among the bodies of one system; q, v (members, 3) in its units, radii (members,) or None."""
+    """Massless bodies among the bodies of one system; q, v (members, 3) in its units, radii (members,) or None.
+
+    forces : those that name members; others are in the system
+    """
 
     bodies: System | None = None
     q: Floats = field(default_factory=lambda: np.empty((0, 3)))
     v: Floats = field(default_factory=lambda: np.empty((0, 3)))
     radii: Floats | None = None
+    forces: tuple[Any, ...] = ()
 
     massless: ClassVar[bool] = True
 
     def _some(self, rows: slice) -> dict[str, Any]:
         radii = None if self.radii is None else self.radii[rows]
-        return {"columns": {}, "q": self.q[rows], "v": self.v[rows], "radii": radii}
+        forces = _on(self.names[rows], self.forces)
+        return {"columns": {}, "q": self.q[rows], "v": self.v[rows], "radii": radii, "forces": forces}
 
     def system(self) -> System:
         """Return the bodies with these at the end."""
         assert self.bodies is not None
         radius: dict[str, Any] = {} if self.radii is None else {"radius": self.radii}
-        return self.bodies.add(self.names, q=self.q, v=self.v, **radius)
+        return self.bodies.add(self.names, q=self.q, v=self.v, **radius).with_forces(*self.forces)
 
     def identity(self) -> dict[str, str]:
         """Return what the results depend on, by its name in messages."""
         assert self.bodies is not None
+        forces = {"forces on the members": digest(repr(self.forces))} if self.forces else {}
         return super().identity() | {
             "bodies": described(self.bodies),
             "names of the members": digest("\n".join(self.names)),
             "starts of the members": digest(self.q, self.v, self.radii),
+            **forces,
         }
 
 
@@ -204,12 +211,13 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
     """Return an ensemble of massless particles among the same bodies.
 
         orbits.ensemble.particles(planets, orbits.asteroids(100_000))
-        orbits.ensemble.particles(planets.add_particles(catalogue))        # those that a system has already
+        orbits.ensemble.particles(planets, planets.add_particles(catalogue))  # those that a system has already
         orbits.ensemble.particles(planets, {"q": q, "v": v})               # (n, 3) each, about the origin
 
     bodies : a `System`; all its bodies go into each block, where massless ones of it are integrated along
-    members : a catalogue; a `System` with massless bodies; or a mapping with positions q and velocities v, (n, 3), as
-        quantities or in the units of the system, and optionally names
+    members : a catalogue; a `System` with massless bodies and the forces on them, which fits as in `bodies + members`;
+        or a mapping with positions q and velocities v, (n, 3), as quantities or in the units of the system, and
+        optionally names
     propagate_to_epoch : of a catalogue, as in `System.add_particles`
 
     Particles do not influence each other. Raises InputError for no members, and as `System.add` and `add_particles` do.
@@ -217,7 +225,9 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
     if not isinstance(bodies, System):
         raise InputError(f"bodies is {shown(bodies)}; expected an orbits.System, among whose bodies the members move.")
     if isinstance(members, System):
-        return among(bodies, members, np.flatnonzero(~members.massive))
+        whole = bodies + members
+        kept = whole.remove(*np.array(members.names)[members.massive & ~np.isin(members.names, bodies.names)].tolist())
+        return among(kept, whole, np.flatnonzero(np.isin(whole.names, members.names) & ~whole.massive))
     if isinstance(members, Catalogue):
         whole = bodies.add_particles(members, propagate_to_epoch=propagate_to_epoch)
         return among(bodies, whole, np.arange(len(bodies), len(whole)))
@@ -226,11 +236,11 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
             f"members is {shown(members)}; expected a catalogue such as orbits.asteroids(1000), a System with massless "
             'bodies, or positions and velocities: {"q": q, "v": v}, (n, 3) each, and names if they have any.'
         )
-    count = np.shape(members["q"])[0] if np.ndim(members["q"]) == 2 else 0
-    if not count:
-        raise InputError(f"q has shape {np.shape(members['q'])}; expected the positions of n members, (n, 3).")
-    names = checked_names(members.get("names") or numbered("p", count))
-    whole = bodies.add(names, q=members["q"], v=members["v"])
+    q, names = bodies.units.length_value(members["q"], "q"), members.get("names")
+    if q.ndim != 2 or not len(q):
+        raise InputError(f"q has shape {q.shape}; expected the positions of n members, (n, 3).")
+    names = checked_names(numbered("p", len(q)) if names is None else names)
+    whole = bodies.add(names, q=q, v=members["v"])
     return among(bodies, whole, np.arange(len(bodies), len(whole)))
 
 
@@ -243,7 +253,15 @@ def among(bodies: System, whole: System, rows: NDArray[np.intp], **known: Any) -
     kept = bodies
     if taken := set(names) & set(bodies.names):
         kept = bodies.remove(*(name for name in bodies.names if name in taken))
-    return Particles(names, "particles", bodies=kept, q=values.q[rows], v=values.v[rows], radii=radii, **known)
+    own: dict[str, Any] = {"q": values.q[rows], "v": values.v[rows], "radii": radii, "forces": _on(names, whole.forces)}
+    return Particles(names, "particles", bodies=kept, **own, **known)
+
+
+def _on(names: Sequence[str], forces: Iterable[Any]) -> tuple[Any, ...]:
+    """Return what is left of forces on these bodies, of those that name any of them."""
+    here = set(names)
+    named = (force.without(set(force.bodies) - here) for force in forces if force.bodies is not None)
+    return tuple(force for force in named if force is not None)
 
 
 def systems(members: Iterable[System], *, names: Sequence[str] | None = None) -> Ensemble:

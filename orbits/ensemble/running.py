@@ -11,6 +11,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from orbits.archive.storage import human
 from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag, whole_number
@@ -250,7 +252,7 @@ def _about(plan: Plan, folder: Path) -> tuple[dict[str, Any], int]:
         "units": {"length": str(units.length), "time": str(units.time)},
         "columns": {name: str(getattr(values, "unit", "") or "") for name, values in ensemble.columns.items()},
         "axes": {name: len(values) for name, values in ensemble.axes.items()},
-        "bodies": list(system.names[: others]),
+        "bodies": np.array(system.names)[system.massive | (ensemble.kind != "particles")].tolist(),
         "primary": primary_of(system),
         "identity": {**plan.identity(), "block": str(block)},
         "provenance": provenance(),

@@ -10,7 +10,7 @@ from astropy.time import Time
 import orbits
 from orbits import ensemble
 from orbits.ensemble.clones import drawn
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import EpochError, InputError, UnknownNameError
 from tests.ensemble.belts import belt, giants, system
 
 from ..coverings import each
@@ -183,3 +183,45 @@ def test_what_has_no_parts_or_uneven_ones_is_refused_in_words():
         orbits.ensemble.grid(planets, primary="Sun", a=[[1, 2], [3]])
     with pytest.raises(InputError, match="pole"):
         planets.with_terms(orbits.terms.ZonalHarmonics("Sun", J2=1e-3, radius=1 * u.km, pole=([1, 2], [3, 4])))
+
+
+def test_members_keep_the_forces_that_name_them():
+    """By its own number for each: a campaign in which Yarkovsky's force was left out told of another orbit."""
+    light = orbits.terms.RadiationPressure(beta=(0.1, 0.2), bodies=["p0", "p2"])
+    heat = orbits.terms.NonGravitational.yarkovsky(1e-12 * u.au / u.day**2, bodies=["p1"])
+    whole = system(3).with_forces(light, heat)
+    for members in (ensemble.particles(giants(), whole), ensemble.particles(whole, whole)):
+        (force,) = members.part(2, 3).system().forces
+        assert (force.bodies, force.beta) == (("p2",), (0.2,))
+        assert members.identity() != belt(3).identity()
+    clones = ensemble.clones(whole, "p2", covariance=COVARIANCE, count=2)
+    assert {f.bodies: f.beta for f in clones.part(1, 3).system().forces if f.bodies != ("p1",)} == {
+        ("p0",): (0.1,), ("p2 clone 0", "p2 clone 1"): 0.2}  # fmt: skip
+
+
+def test_a_system_whose_members_do_not_fit_among_the_bodies_is_refused():
+    """Numbers in other units and from another origin were taken as they were: 2.5 au became 2.5 km."""
+    metres = orbits.UnitSystem("metres", u.m, u.s, u.kg)
+    other = orbits.System(giants().names, giants().gm, giants().q, giants().v, epoch=giants().epoch, units=metres)
+    with pytest.raises(InputError, match="the systems are in metres and SOLAR"):
+        ensemble.particles(other, system(3))
+    with pytest.raises(InputError, match="both systems have 'Sun', 1 AU apart"):
+        ensemble.particles(giants().replaced(q=giants().values.q + np.array([1.0, 0.0, 0.0])), system(3))
+    with pytest.raises(EpochError):
+        ensemble.particles(giants().replaced(epoch="2023-08-09"), system(3))
+
+
+def test_names_of_members_may_be_an_array():
+    states = {"q": np.ones((2, 3)), "v": np.zeros((2, 3)), "names": np.array(["one", "two"])}
+    assert list(ensemble.particles(giants(), states).names) == ["one", "two"]
+    with pytest.raises(InputError, match="q is"):
+        ensemble.particles(giants(), {"q": [[1, 2], [2, 3, 4]], "v": np.zeros((2, 3))})
+
+
+def test_the_bodies_of_a_campaign_are_those_with_mass_wherever_they_stand(tmp_path):
+    planets = giants()
+    values, order = planets.add("dust", primary="Sun", a=2.0).values, [0, 3, 1, 2]
+    mixed = orbits.System(["Sun", "dust", "Jupiter", "Saturn"], *(x[order] for x in values[:3]), epoch=planets.epoch)
+    found = ensemble.run(ensemble.grid(mixed, primary="Sun", a=[3.0, 3.1] * u.au), tmp_path / "c",
+                         duration="100 d", dt="10 d", integrator="wisdom-holman", progress=False)  # fmt: skip
+    assert found.summary.meta["bodies"] == ["Sun", "Jupiter", "Saturn"]
