@@ -26,6 +26,11 @@ Floats = NDArray[np.float64]
 SAMPLE = 17
 """Members of a sample: two registers of eight, and one member more."""
 
+OF_TABLE = re.compile(
+    r"name|block|state|end|reason|closest(_to|_at)?|megno|unresolved_at|energy_error|(a|e|inc)_(min|max)"
+)
+"""The columns of the table of a campaign that are not parameters of a grid."""
+
 TRIED = 1000
 """The points of a grid for which its function may fail before the whole is refused."""
 
@@ -294,12 +299,15 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
     what : a `System`: the members are massless bodies among its bodies, with these arguments of `System.add`; or a
         function that makes a `System` from one value of each parameter. It is called on the workers, and must be
         written in a file for processes
-    given : each axis by its name, a sequence or an array (m,); a single value is the same for all members
+    given : each axis by its name, that of no other column of the table: a sequence or an array (m,); a single value is
+        the same for all members
 
     Members are named by their values, "a=2.5 AU e=0.1". The last axis varies fastest. Raises InputError for a grid
     without an axis, or with an empty one; for a `System` as `System.add` does.
     """
     axes = {name: values for name, values in given.items() if not isinstance(values, str) and _shape(name, values)}
+    for name in filter(OF_TABLE.fullmatch, given):
+        raise InputError(f"{name!r} is a column of the table of a campaign; expected another name of the parameter.")
     for name, values in axes.items():
         if np.ndim(values) != 1 or not len(values):
             raise InputError(f"{name} has shape {np.shape(values)}; expected the values of an axis, (m,), one or more.")

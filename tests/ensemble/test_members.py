@@ -10,7 +10,7 @@ from astropy.time import Time
 import orbits
 from orbits import ensemble
 from orbits.ensemble.clones import drawn
-from orbits.errors import EpochError, InputError, UnknownNameError
+from orbits.errors import EpochError, InputError, OrbitsWarning, UnknownNameError
 from tests.ensemble.belts import belt, giants, system
 
 from ..coverings import each
@@ -225,3 +225,21 @@ def test_the_bodies_of_a_campaign_are_those_with_mass_wherever_they_stand(tmp_pa
     found = ensemble.run(ensemble.grid(mixed, primary="Sun", a=[3.0, 3.1] * u.au), tmp_path / "c",
                          duration="100 d", dt="10 d", integrator="wisdom-holman", progress=False)  # fmt: skip
     assert found.summary.meta["bodies"] == ["Sun", "Jupiter", "Saturn"]
+
+
+def test_bodies_of_systems_have_their_columns_by_name_and_one_unit(tmp_path):
+    """Saturn alone stood in the column of Jupiter, and 1.4e9 km became 1.4e9 au."""
+    pl = giants()
+    kilometres = orbits.UnitSystem("kilometres", u.km, u.s, u.kg)
+    third = orbits.System(pl.names, pl.gm, pl.q, pl.v, epoch=pl.epoch, units=kilometres)
+    with pytest.warns(OrbitsWarning, match="the system is in km and s; expected AU and d, the units of the first"):
+        found = ensemble.run(ensemble.systems([pl, pl.remove("Jupiter"), third]), tmp_path / "c",
+                             duration="100 d", dt="10 d", progress=False).summary  # fmt: skip
+    assert found["state"].tolist() == ["survived", "survived", "failed"]
+    np.testing.assert_allclose(found["a_max"][:2, 2].value, 9.57, rtol=0.01)  # perturbed by Jupiter, or not
+    assert np.isnan(found["a_max"][1, :2]).all()
+
+
+def test_parameters_of_a_grid_that_are_columns_of_the_table_are_refused():
+    with pytest.raises(InputError, match="'state' is a column of the table"):
+        ensemble.grid(giants, state=[1, 2])
