@@ -23,7 +23,7 @@ def moid(orbit: OrbitalElements, other: OrbitalElements) -> u.Quantity:
         broadcast, as those of arrays: of all samples of a run, `run.elements()`, it is that of the osculating orbits.
     Returns a distance in the unit of the first orbit, of their common shape, to 1e-14 of the larger orbit. Pairs in
         arrays take 0.5 ms each, a single one 2 ms.
-    Raises InputError for elements about another primary or in another frame.
+    Raises InputError for elements about another primary or in another frame, and for lengths beside plain numbers.
     """
     for given in (orbit, other):
         if not isinstance(given, OrbitalElements):
@@ -33,6 +33,8 @@ def moid(orbit: OrbitalElements, other: OrbitalElements) -> u.Quantity:
             f"these orbits are about {orbit.primary} in the frame {orbit.frame!r} and about {other.primary} in "
             f"{other.frame!r}; expected elements about the same primary in the same frame."
         )
+    if not orbit.q.unit.is_equivalent(other.q.unit):
+        raise InputError(f"one orbit has units, the other none: q = {orbit.q} and {other.q}; expected both or neither.")
     elements: list[Any] = []
     for x in (orbit, other):
         elements += [x.q.to_value(orbit.q.unit), x.e.value, *(y.to_value(u.rad) for y in (x.inc, x.Omega, x.omega))]
