@@ -68,6 +68,16 @@ def primary_of(run: Run, primary: str | None, kind: str) -> int:
     return place
 
 
+def masses_over(run: Run, times: Array) -> Array:
+    """Return the GM of all bodies at some times, (times, bodies), as mergers and forces have changed it."""
+    gm = np.broadcast_to(run.system.values.gm, (len(times), len(run.names)))
+    if run.changes is not None:
+        gm = run.changes.over(times).gm
+    for force in run.system.forces:
+        gm = force.masses(gm, run.names, times, run.system.units)
+    return np.asarray(gm)
+
+
 def histories(
     run: Run,
     bodies: Sequence[int],
@@ -91,9 +101,7 @@ def histories(
             "name some, or draw kind='paths'."
         )
     frame = (run.system.frame if frame is None else frame).lower()
-    gm = np.broadcast_to(run.system.values.gm, (len(run), len(run.names)))
-    if run.changes is not None:
-        gm = run.changes.over(run.times).gm
+    gm = masses_over(run, run.times)
     out = {name: np.full((len(run), len(others)), np.nan) for name in names}
     centre = [x[:, primary][:, None] for x in (run._q, run._v)]
     together = max(1, AT_ONCE // len(run))

@@ -151,6 +151,6 @@ def test_orbits_about_other_primaries_are_refused() -> None:
         orbits.moid(about["Sun"]["Moon"], about["Earth"]["Moon"])
     with pytest.raises(InputError, match="is no orbit; expected elements"):
         orbits.moid(system, about["Sun"]["Earth"])  # type: ignore[arg-type]
-    bare = orbits.System(["Sun", "p"], [1, 0], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]], units=orbits.DIMENSIONLESS)
+    bare = orbits.System.from_elements({"Sun": {"gm": 1}, "p": {"a": 1}}, units=orbits.DIMENSIONLESS)
     with pytest.raises(InputError, match="one orbit has units, the other none"):
         orbits.moid(bare.elements()["p"], system.elements(primary="Sun", frame="system")["Earth"])
