@@ -35,7 +35,7 @@ class Histories:
     """Elements of some bodies about one of them at all samples.
 
     bodies : (k,), their numbers in the system; primary : the number of the body that they orbit
-    elements : by their names, (samples, k), angles in radians; NaN where a body is gone,
+    elements : by their names, (samples, k), angles in radians, of ellipses from 0 to 2 pi; NaN where a body is gone,
         and where it moves straight towards or away from the primary
     frame : that of the angles
     """
@@ -113,7 +113,10 @@ def histories(
             both = gm[:, [primary]] + gm[:, some]
             found = elements_from_state(q[there], v[there], both[there])
             for name in names:
-                out[name][:, first : first + together][there] = found[name]
+                shown = found[name]
+                if name in TURNING:  # M and f of ellipses are from -pi on
+                    shown = np.where(found["e"] < 1.0, shown % (2.0 * np.pi), shown)
+                out[name][:, first : first + together][there] = shown
     return Histories(others, primary, out, frame)
 
 
@@ -127,6 +130,19 @@ def pieces(t: Array, values: Array, turn: float | None) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore"):
         over = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * turn) + 1
     return np.insert(t, over, np.nan), np.insert(values, over, np.nan)
+
+
+def on_line(time: float, t: Array, values: Array, turn: float | None) -> float:
+    """Return where the line through values, whose times increase, is at a time; NaN outside.
+
+    turn : as in `pieces`, over whose edge the line goes by the shorter way
+    """
+    k = int(np.clip(np.searchsorted(t, time), 1, len(t) - 1))
+    start, change = values[k - 1], values[k] - values[k - 1]
+    if turn is not None:
+        change = (change + 0.5 * turn) % turn - 0.5 * turn
+    found = float(np.interp(time, t[k - 1 : k + 1], [start, start + change], left=np.nan, right=np.nan))
+    return found if turn is None else found % turn
 
 
 def last_seen(values: Array) -> int:
