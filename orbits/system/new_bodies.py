@@ -276,8 +276,8 @@ def united(one: System, other: System) -> dict[str, Any]:
         if known[0][k] != known[1][i]:
             sizes = " and ".join(f"{u.Quantity(x, one.units.length):.6g}" for x in (known[0][k], known[1][i]))
             raise InputError(
-                f"both systems have {name!r}, with the radii {sizes}; expected the same: replaced(radii=...), or remove "
-                "it from one of them."
+                f"both systems have {name!r}, with the radii {sizes}; expected the same: replaced(radii=...), "
+                "or remove it from one of them."
             )
     radii = None
     if one.radii is not None or other.radii is not None:
