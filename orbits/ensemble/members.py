@@ -255,6 +255,11 @@ def among(bodies: System, whole: System, rows: NDArray[np.intp], **known: Any) -
         raise InputError("the ensemble has no members; expected at least one massless body.")
     values, radii = whole.values, None if whole.radii is None else whole.radii.value[rows]
     names = [whole.names[k] for k in rows]
+    if values.gm[rows].any():
+        raise InputError(
+            f"{names[int(np.argmax(values.gm[rows]))]!r} has a mass, but these members are massless; expected a function "
+            "that makes a System with it: orbits.ensemble.grid(make_system, mass=...)."
+        )
     kept = bodies
     if taken := set(names) & set(bodies.names):
         kept = bodies.remove(*(name for name in bodies.names if name in taken))

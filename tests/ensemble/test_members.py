@@ -240,6 +240,12 @@ def test_bodies_of_systems_have_their_columns_by_name_and_one_unit(tmp_path):
     assert np.isnan(found["a_max"][1, :2]).all()
 
 
+def test_members_with_masses_among_the_same_bodies_are_refused():
+    """The runs were without them, in silence."""
+    with pytest.raises(InputError, match=r"'a=3 AU' has a mass, but these members are massless"):
+        ensemble.grid(giants(), primary="Sun", a=[3.0, 3.1] * u.au, mass=1e-6 * u.M_sun)
+
+
 def test_parameters_of_a_grid_that_are_columns_of_the_table_are_refused():
     with pytest.raises(InputError, match="'state' is a column of the table"):
         ensemble.grid(giants, state=[1, 2])
