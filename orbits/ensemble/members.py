@@ -256,9 +256,10 @@ def among(bodies: System, whole: System, rows: NDArray[np.intp], **known: Any) -
     values, radii = whole.values, None if whole.radii is None else whole.radii.value[rows]
     names = [whole.names[k] for k in rows]
     if values.gm[rows].any():
+        heavy = names[int(np.argmax(values.gm[rows]))]
         raise InputError(
-            f"{names[int(np.argmax(values.gm[rows]))]!r} has a mass, but these members are massless; expected a function "
-            "that makes a System with it: orbits.ensemble.grid(make_system, mass=...)."
+            f"{heavy!r} has a mass, but these members are massless; expected a function that makes a System with it: "
+            "orbits.ensemble.grid(make_system, mass=...)."
         )
     kept = bodies
     if taken := set(names) & set(bodies.names):
