@@ -155,6 +155,7 @@ def test_what_is_no_ensemble_is_refused(make, message):
         make()
 
 
+@pytest.mark.nightly
 def test_blocks_of_few_members_and_of_many_have_a_size_by_their_work():
     def size(count, **options):
         plan = ensemble.Plan(belt(10) if count == 10 else many(count), integrator="wisdom-holman", **options)

@@ -101,6 +101,7 @@ def two_planets():
     return orbits.propagate(system, duration=500.0, samples=201)
 
 
+@pytest.mark.nightly
 def test_each_body_has_a_scale_of_its_own_where_a_common_one_would_flatten_its_changes(two_planets):
     figure = seen.laid_out(two_planets.plot("elements", elements=("a", "e")))
     panels = np.array(figure.axes).reshape(2, 2)
@@ -292,6 +293,7 @@ def test_angles_that_go_round_are_within_the_panel_and_events_are_marked_on_them
     np.testing.assert_allclose((marked + 180.0) % 360.0, 180.0, atol=1e-9)
 
 
+@pytest.mark.nightly
 def test_a_picture_of_energy_says_how_many_events_it_has_no_lines_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orbits.plotting.errors_over_time.MOST_EVENTS", 2)
     system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Mars", "Jupiter"])
