@@ -293,6 +293,15 @@ def test_angles_that_go_round_are_within_the_panel_and_events_are_marked_on_them
     np.testing.assert_allclose((marked + 180.0) % 360.0, 180.0, atol=1e-9)
 
 
+def test_events_have_the_time_of_the_samples_in_a_picture_of_energy_also_from_the_end_on() -> None:
+    """In days on an axis of years, as the last of the samples was at 0."""
+    system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Mars", "Jupiter"])
+    run = orbits.propagate(system, dt="5 d", duration="9 yr", samples=9, events=orbits.events.Pericentre("Mars"))
+    axes = run[::-1].plot("energy").axes[0]
+    lines = {line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 2}
+    assert sorted(lines) == pytest.approx(run.events.time.to_value(u.yr))
+
+
 @pytest.mark.nightly
 def test_a_picture_of_energy_says_how_many_events_it_has_no_lines_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orbits.plotting.errors_over_time.MOST_EVENTS", 2)
