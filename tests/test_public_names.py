@@ -214,7 +214,7 @@ def test_a_run_loads_the_method_that_it_needs_and_not_all_and_leaves_the_collect
         " units=orbits.DIMENSIONLESS)\n"
         "orbits.propagate(pair, orbits.Gauss(stages=8), dt=0.1, duration=0.1, samples=2)\n"
         "kinds = ('integrators.saba', 'integrators.composition', 'lagrangians.terms.post_newtonian', 'forces.tides',"
-        " 'lagrangians.pendulum', 'discrete', 'archive.reader', 'catalogue', 'observing.seen',"
+        " 'lagrangians.pendulum', 'discrete', 'archive.reader', 'catalogue', 'observing.ephemeris_of_run',"
         " 'propagation.chain_of_legs', 'propagation.events.archived', 'propagation.checks.kepler_splitting')\n"
         "print(gc.isenabled(), [kind for kind in kinds if f'orbits.{kind}' in sys.modules])"
     )

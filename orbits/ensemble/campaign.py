@@ -154,7 +154,8 @@ class Campaign:
         state : "survived", "lost" (a particle that was retired), "failed", or "waiting" for its block
         end : the time that it reached since the epoch;  reason : why not the end
         a_min, a_max, e_min, e_max, inc_min, inc_max : over the samples, about the most massive body; of systems
-            (members, bodies), in the order of the bodies, NaN for the most massive one
+            (members, bodies), in the order of meta["bodies"], those of the first member, and then of bodies of other
+            names; NaN for the most massive one and those that are not there
         closest, closest_to, closest_at : the closest approach to another body than the one that dominates the system,
             with 90 % of its mass, if one does, and its time; infinity if none came near. Of systems that of the two
             bodies that came closest. Not if the plan has approaches=False

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -45,9 +46,9 @@ def clones(
     elements : six elements as in `System.add`, in the order of the rows, and the unit of each (1 for none)
     primary, frame : of the elements, as in `System.elements`
 
-    A massless body is cloned among the same other bodies. Of one with mass, each clone is a system of its own, in which
-    the other bodies begin as they are. Raises InputError for a covariance that is none, UnknownNameError for a body or
-    an element that does not exist.
+    A massless body is cloned among the same other bodies; forces on it act on its clones, too, and a rigid body is
+    refused. Of one with mass, each clone is a system of its own, in which the other bodies begin as they are. Raises
+    InputError for a covariance that is none, UnknownNameError for a body or an element that does not exist.
     """
     if not isinstance(system, System):
         raise InputError(f"system is {shown(system)}; expected an orbits.System with the body to be cloned.")
@@ -88,10 +89,22 @@ def clones(
         q[0], v[0] = system.values.q[place], system.values.v[place]
     if gm == 0.0:
         assert others is not None  # a system has at least one massive body
+        if name in system.rigid:
+            raise InputError(f"{name!r} is rigid; expected a point, of which clones are made: replaced(forces=()).")
         radius = {} if system.radii is None else {"radius": system.radii[place]}
-        whole = others.add(names, q=q, v=v, **radius)
+        whole = others.add(names, q=q, v=v, **radius).with_forces(*_on_clones(system, name, names))
         return among(others, whole, np.arange(len(others), len(whole)))
     return Systems(names, "systems", members=[_moved(system, place, *state) for state in zip(q, v, strict=True)])
+
+
+def _on_clones(system: System, name: str, names: Sequence[str]) -> Iterator[Any]:
+    """Yield the forces that name a body, with its numbers, on its clones."""
+    for force in system.forces:
+        bodies = set(force.bodies or ())
+        if name in bodies:
+            one: Any = force.without(bodies - {name})
+            numbers = {key: getattr(one, key) for key in getattr(one, "per_body", ())}
+            yield replace(one, bodies=names, **{key: x[0] for key, x in numbers.items() if isinstance(x, tuple)})
 
 
 def drawn(covariance: Any, count: int, seed: int) -> Floats:

@@ -26,6 +26,11 @@ Floats = NDArray[np.float64]
 SAMPLE = 17
 """Members of a sample: two registers of eight, and one member more."""
 
+OF_TABLE = re.compile(
+    r"name|block|state|end|reason|closest(_to|_at)?|megno|unresolved_at|energy_error|(a|e|inc)_(min|max)"
+)
+"""The columns of the table of a campaign that are not parameters of a grid."""
+
 TRIED = 1000
 """The points of a grid for which its function may fail before the whole is refused."""
 
@@ -87,32 +92,39 @@ class Ensemble:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Particles(Ensemble):
-    """Massless bodies among the bodies of one system; q, v (members, 3) in its units, radii (members,) or None."""
+    """Massless bodies among the bodies of one system; q, v (members, 3) in its units, radii (members,) or None.
+
+    forces : those that name members; others are in the system
+    """
 
     bodies: System | None = None
     q: Floats = field(default_factory=lambda: np.empty((0, 3)))
     v: Floats = field(default_factory=lambda: np.empty((0, 3)))
     radii: Floats | None = None
+    forces: tuple[Any, ...] = ()
 
     massless: ClassVar[bool] = True
 
     def _some(self, rows: slice) -> dict[str, Any]:
         radii = None if self.radii is None else self.radii[rows]
-        return {"columns": {}, "q": self.q[rows], "v": self.v[rows], "radii": radii}
+        forces = _on(self.names[rows], self.forces)
+        return {"columns": {}, "q": self.q[rows], "v": self.v[rows], "radii": radii, "forces": forces}
 
     def system(self) -> System:
         """Return the bodies with these at the end."""
         assert self.bodies is not None
         radius: dict[str, Any] = {} if self.radii is None else {"radius": self.radii}
-        return self.bodies.add(self.names, q=self.q, v=self.v, **radius)
+        return self.bodies.add(self.names, q=self.q, v=self.v, **radius).with_forces(*self.forces)
 
     def identity(self) -> dict[str, str]:
         """Return what the results depend on, by its name in messages."""
         assert self.bodies is not None
+        forces = {"forces on the members": digest(repr(self.forces))} if self.forces else {}
         return super().identity() | {
             "bodies": described(self.bodies),
             "names of the members": digest("\n".join(self.names)),
             "starts of the members": digest(self.q, self.v, self.radii),
+            **forces,
         }
 
 
@@ -204,12 +216,13 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
     """Return an ensemble of massless particles among the same bodies.
 
         orbits.ensemble.particles(planets, orbits.asteroids(100_000))
-        orbits.ensemble.particles(planets.add_particles(catalogue))        # those that a system has already
+        orbits.ensemble.particles(planets, planets.add_particles(catalogue))  # those that a system has already
         orbits.ensemble.particles(planets, {"q": q, "v": v})               # (n, 3) each, about the origin
 
     bodies : a `System`; all its bodies go into each block, where massless ones of it are integrated along
-    members : a catalogue; a `System` with massless bodies; or a mapping with positions q and velocities v, (n, 3), as
-        quantities or in the units of the system, and optionally names
+    members : a catalogue; a `System` with massless bodies and the forces on them, which fits as in `bodies + members`;
+        or a mapping with positions q and velocities v, (n, 3), as quantities or in the units of the system, and
+        optionally names
     propagate_to_epoch : of a catalogue, as in `System.add_particles`
 
     Particles do not influence each other. Raises InputError for no members, and as `System.add` and `add_particles` do.
@@ -217,7 +230,9 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
     if not isinstance(bodies, System):
         raise InputError(f"bodies is {shown(bodies)}; expected an orbits.System, among whose bodies the members move.")
     if isinstance(members, System):
-        return among(bodies, members, np.flatnonzero(~members.massive))
+        whole = bodies + members
+        kept = whole.remove(*np.array(members.names)[members.massive & ~np.isin(members.names, bodies.names)].tolist())
+        return among(kept, whole, np.flatnonzero(np.isin(whole.names, members.names) & ~whole.massive))
     if isinstance(members, Catalogue):
         whole = bodies.add_particles(members, propagate_to_epoch=propagate_to_epoch)
         return among(bodies, whole, np.arange(len(bodies), len(whole)))
@@ -226,11 +241,11 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
             f"members is {shown(members)}; expected a catalogue such as orbits.asteroids(1000), a System with massless "
             'bodies, or positions and velocities: {"q": q, "v": v}, (n, 3) each, and names if they have any.'
         )
-    count = np.shape(members["q"])[0] if np.ndim(members["q"]) == 2 else 0
-    if not count:
-        raise InputError(f"q has shape {np.shape(members['q'])}; expected the positions of n members, (n, 3).")
-    names = checked_names(members.get("names") or numbered("p", count))
-    whole = bodies.add(names, q=members["q"], v=members["v"])
+    q, names = bodies.units.length_value(members["q"], "q"), members.get("names")
+    if q.ndim != 2 or not len(q):
+        raise InputError(f"q has shape {q.shape}; expected the positions of n members, (n, 3).")
+    names = checked_names(numbered("p", len(q)) if names is None else names)
+    whole = bodies.add(names, q=q, v=members["v"])
     return among(bodies, whole, np.arange(len(bodies), len(whole)))
 
 
@@ -240,10 +255,24 @@ def among(bodies: System, whole: System, rows: NDArray[np.intp], **known: Any) -
         raise InputError("the ensemble has no members; expected at least one massless body.")
     values, radii = whole.values, None if whole.radii is None else whole.radii.value[rows]
     names = [whole.names[k] for k in rows]
+    if values.gm[rows].any():
+        heavy = names[int(np.argmax(values.gm[rows]))]
+        raise InputError(
+            f"{heavy!r} has a mass, but these members are massless; expected a function that makes a System with it: "
+            "orbits.ensemble.grid(make_system, mass=...)."
+        )
     kept = bodies
     if taken := set(names) & set(bodies.names):
         kept = bodies.remove(*(name for name in bodies.names if name in taken))
-    return Particles(names, "particles", bodies=kept, q=values.q[rows], v=values.v[rows], radii=radii, **known)
+    own: dict[str, Any] = {"q": values.q[rows], "v": values.v[rows], "radii": radii, "forces": _on(names, whole.forces)}
+    return Particles(names, "particles", bodies=kept, **own, **known)
+
+
+def _on(names: Sequence[str], forces: Iterable[Any]) -> tuple[Any, ...]:
+    """Return what is left of forces on these bodies, of those that name any of them."""
+    here = set(names)
+    named = (force.without(set(force.bodies) - here) for force in forces if force.bodies is not None)
+    return tuple(force for force in named if force is not None)
 
 
 def systems(members: Iterable[System], *, names: Sequence[str] | None = None) -> Ensemble:
@@ -276,12 +305,15 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
     what : a `System`: the members are massless bodies among its bodies, with these arguments of `System.add`; or a
         function that makes a `System` from one value of each parameter. It is called on the workers, and must be
         written in a file for processes
-    given : each axis by its name, a sequence or an array (m,); a single value is the same for all members
+    given : each axis by its name, that of no other column of the table: a sequence or an array (m,); a single value is
+        the same for all members
 
     Members are named by their values, "a=2.5 AU e=0.1". The last axis varies fastest. Raises InputError for a grid
     without an axis, or with an empty one; for a `System` as `System.add` does.
     """
     axes = {name: values for name, values in given.items() if not isinstance(values, str) and _shape(name, values)}
+    for name in filter(OF_TABLE.fullmatch, given):
+        raise InputError(f"{name!r} is a column of the table of a campaign; expected another name of the parameter.")
     for name, values in axes.items():
         if np.ndim(values) != 1 or not len(values):
             raise InputError(f"{name} has shape {np.shape(values)}; expected the values of an axis, (m,), one or more.")

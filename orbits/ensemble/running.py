@@ -11,6 +11,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from orbits.archive.storage import human
 from orbits.body_names import few
 from orbits.checks import checked_choice, checked_flag, whole_number
@@ -20,7 +22,7 @@ from orbits.ensemble.dask_workers import Dask, distributed_package
 from orbits.ensemble.members import Ensemble
 from orbits.ensemble.plan import Plan
 from orbits.ensemble.store import ABOUT, FORMAT, Entry, Store
-from orbits.ensemble.summaries import primary_of
+from orbits.ensemble.summaries import primary_of, units_of_table
 from orbits.ensemble.tasks import DONE, FAILED, INTERRUPTED, REFUSED, Outcome, Task
 from orbits.ensemble.workers import Processes, Threads, Workers
 from orbits.errors import (
@@ -166,7 +168,8 @@ class _Loop:
         unfinished = self.store.unfinished(block) if sends and self.plan.trajectories else {}
         stem = self.store.stem(block)
         part = self.plan.ensemble.part(*self.store.span(block))
-        return self.plan.task(block, part, stem=stem, made_by=known, unfinished=unfinished, run=self.name)
+        table = {key: self.store.about[key] for key in ("units", "bodies")}
+        return self.plan.task(block, part, stem=stem, made_by=known, unfinished=unfinished, run=self.name, **table)
 
     def march(self, team: Workers, bar: Bar) -> None:
         """Send blocks, and keep what comes back, until all are done or a stop is requested."""
@@ -247,10 +250,10 @@ def _about(plan: Plan, folder: Path) -> tuple[dict[str, Any], int]:
         "kind": ensemble.kind,
         "members": len(ensemble),
         "block": block,
-        "units": {"length": str(units.length), "time": str(units.time)},
+        "units": units_of_table(system),
         "columns": {name: str(getattr(values, "unit", "") or "") for name, values in ensemble.columns.items()},
         "axes": {name: len(values) for name, values in ensemble.axes.items()},
-        "bodies": list(system.names[: others]),
+        "bodies": np.array(system.names)[system.massive | (ensemble.kind != "particles")].tolist(),
         "primary": primary_of(system),
         "identity": {**plan.identity(), "block": str(block)},
         "provenance": provenance(),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -45,11 +46,14 @@ def of_particles(run: Trajectory, first: int) -> Columns:
     return out | {name: found[members] for name, found in _approaches(run).items()}
 
 
-def of_systems(runs: list[Trajectory | OrbitsError | None], reasons: dict[int, str]) -> Columns:
+def of_systems(
+    runs: list[Trajectory | OrbitsError | None], reasons: dict[int, str], bodies: Sequence[str] = ()
+) -> Columns:
     """Return the columns of systems, (members,) or (members, bodies) each.
 
     runs : of the members that could be integrated, or the samples before a failure; None without any
     reasons : of the failures, by the number of the member
+    bodies : the names of the first columns of bodies; a member's bodies of other names come after them
     """
     count = len(runs)
     rows: list[dict[str, Any]] = []
@@ -57,7 +61,7 @@ def of_systems(runs: list[Trajectory | OrbitsError | None], reasons: dict[int, s
         row: dict[str, Any] = {"state": SURVIVED, "end": np.nan, "reason": ""}
         if isinstance(run, Trajectory):
             row["end"], row["reason"] = run._reached, "" if run.stopped is None else run.stopped.reason
-            row |= _extremes(run) | _energy(run) | _closest_pair(run)
+            row |= _by_name(_extremes(run), run.names, bodies) | _energy(run) | _closest_pair(run)
         if k in reasons:
             row["state"], row["reason"] = FAILED, reasons[k]
         rows.append(row)
@@ -77,6 +81,21 @@ def of_systems(runs: list[Trajectory | OrbitsError | None], reasons: dict[int, s
                 column[place] = value
         out[key] = column
     return out
+
+
+def _by_name(columns: Columns, names: Sequence[str], bodies: Sequence[str]) -> Columns:
+    """Return values of bodies, each in the column of its name or, if there is none, after these."""
+    order = [*bodies, *(name for name in names if name not in bodies)]
+    places = [order.index(name) for name in names]
+    out = {key: np.full(max(places) + 1, np.nan) for key in columns}
+    for key, values in columns.items():
+        out[key][places] = values
+    return out
+
+
+def units_of_table(system: System) -> dict[str, str]:
+    """Return the units of the table of a campaign: those of a system of its members."""
+    return {"length": str(system.units.length), "time": str(system.units.time)}
 
 
 def primary_of(system: System) -> str:

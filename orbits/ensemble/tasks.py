@@ -8,7 +8,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from inspect import GEN_CREATED, getgeneratorstate
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from orbits.ensemble.members import Ensemble
-from orbits.ensemble.summaries import SURVIVED, Columns, of_particles, of_systems
+from orbits.ensemble.summaries import SURVIVED, Columns, of_particles, of_systems, units_of_table
 from orbits.errors import InputError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
 from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
@@ -58,6 +58,7 @@ class Task:
     made_by : the provenance on which bits depend; a worker with another one refuses the block. Empty for any
     unfinished : the archives of a block that was interrupted elsewhere, by name
     run : distinguishes the runs of a process
+    units, bodies : of the table, as in `campaign.json`; a system in other units is a failure
     """
 
     number: int
@@ -70,6 +71,8 @@ class Task:
     made_by: Mapping[str, str] = field(default_factory=dict)
     unfinished: Mapping[str, bytes] = field(default_factory=dict)
     run: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
+    bodies: Sequence[str] = ()
 
 
 @dataclass
@@ -208,8 +211,11 @@ def _worked(
         else:
             for k, one in enumerate(task.part.systems()):
                 _go_on(asked)
-                if isinstance(one, System):
+                if isinstance(one, System) and task.units in ({}, units_of_table(one)):
                     made[k] = one
+                elif isinstance(one, System):
+                    own, first = (" and ".join(units.values()) for units in (units_of_table(one), task.units))
+                    reasons[k] = f"the system is in {own}; expected {first}, the units of the first member"
                 else:
                     reasons[k] = str(one)
     since = time.perf_counter()
@@ -223,7 +229,7 @@ def _worked(
         if task.part.massless:
             columns = of_particles(runs[0], len(made[0]) - len(task.part))
         else:
-            columns = of_systems([runs.get(k) for k in range(len(task.part))], reasons)
+            columns = of_systems([runs.get(k) for k in range(len(task.part))], reasons, task.bodies)
         if task.megno is not None:
             columns |= _megno(task, made, reasons, asked)
         bits = _bits(list(runs.values()), columns)

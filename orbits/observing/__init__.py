@@ -5,9 +5,11 @@ from typing import TYPE_CHECKING
 from orbits.later import later
 
 if TYPE_CHECKING:
-    from orbits.observing.seen import ephemeris_of
+    from orbits.observing.ephemeris_of_run import ephemeris_of
     from orbits.observing.table import Ephemeris
 
 __all__ = ["Ephemeris", "ephemeris_of"]
 
-__getattr__ = later(__name__, {"orbits.observing.seen": ["ephemeris_of"], "orbits.observing.table": ["Ephemeris"]})
+__getattr__ = later(
+    __name__, {"orbits.observing.ephemeris_of_run": ["ephemeris_of"], "orbits.observing.table": ["Ephemeris"]}
+)

@@ -202,8 +202,7 @@ def _made(one: Any, named: str, figures: Mapping[str, u.UnitBase]) -> None:
     for what in ("time", *figures):
         if _masked(getattr(one, what)):
             raise InputError(f"{what} has masked values; leave these measurements out.")
-    time = one.time.tdb if isinstance(one.time, Time) else Time(np.asarray(one.time, float), format="jd", scale="tdb")
-    time = time.reshape(-1)
+    time = _times(one.time)
     try:
         names = np.array(np.broadcast_to(np.asarray(getattr(one, named), dtype=str), time.shape))
     except ValueError:
@@ -224,6 +223,16 @@ def _made(one: Any, named: str, figures: Mapping[str, u.UnitBase]) -> None:
         raise InputError(f"measurement {int(np.flatnonzero(~good)[0])} is not finite, or has no sigma above zero.")
     for what, value in made.items():
         object.__setattr__(one, what, value)
+
+
+def _times(given: Any) -> Time:
+    """Return dates, (m,), TDB, of a Time or of Julian dates. Raises InputError."""
+    if isinstance(given, Time):
+        return given.tdb.reshape(-1)
+    try:
+        return Time(u.Quantity(given, u.day).value, format="jd", scale="tdb").reshape(-1)
+    except (u.UnitConversionError, TypeError, ValueError):
+        raise InputError(f"time is {shown(given)}; expected a Time, or finite Julian dates, TDB.") from None
 
 
 def _whole_numbers(given: Any, size: int) -> Array:

@@ -234,11 +234,13 @@ def last_state(run: Run) -> State:
         there = np.flatnonzero(np.isfinite(run._q[:, body]).all(axis=1))
         last = run._sample(int(there[-1])) if there.size else run.system.values[1:3]
         q[body], v[body] = last[0][body], last[1][body]
-    if run.changes is None:
-        return run.system.replaced(q=q, v=v, epoch=None)
-    bodies = run.changes.bodies_at(run._last_time)
-    gm = np.where(bodies.present, bodies.gm, 0.0)
-    # Without terms and forces, which may be of bodies that are without mass by now.
+    gm, time = run.system.values.gm, run._last_time
+    if run.changes is not None:
+        bodies = run.changes.bodies_at(time)
+        gm = np.where(bodies.present, bodies.gm, 0.0)
+    for force in run.system.forces:
+        gm = force.masses(gm, run.names, time, run.system.units)
+    # Without terms and forces, which may be of bodies that are without mass by now, or have changed it.
     return run.system.replaced(gm=gm, q=q, v=v, epoch=None, terms=(), forces=())
 
 

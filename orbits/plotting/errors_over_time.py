@@ -127,8 +127,9 @@ def plot_energy(run: Run, *, title: str | None = None) -> Figure:
         axes.set_title(name)
         axes.set_ylabel(f"change [{words.power_of_ten(power)}]" if power else "change")
         axes.grid(color=style.FAINT, lw=0.6)
+        far = int(np.abs(run.times).argmax())  # samples may be in any order
         for event in run.events[:MOST_EVENTS]:
-            place = float(event.time.value) * (t[-1] / run.times[-1] if run.times[-1] else 1.0)
+            place = float(event.time.value) * (t[far] / run.times[far] if run.times[far] else 1.0)
             axes.axvline(place, color=style.GREY, lw=0.6, alpha=0.5, zorder=0)
     panels[-1].set_xlabel(words.since(run.system, unit))
     years(panels[0], run, t)

@@ -35,7 +35,7 @@ class Histories:
     """Elements of some bodies about one of them at all samples.
 
     bodies : (k,), their numbers in the system; primary : the number of the body that they orbit
-    elements : by their names, (samples, k), angles in radians; NaN where a body is gone,
+    elements : by their names, (samples, k), angles in radians, of ellipses from 0 to 2 pi; NaN where a body is gone,
         and where it moves straight towards or away from the primary
     frame : that of the angles
     """
@@ -68,6 +68,16 @@ def primary_of(run: Run, primary: str | None, kind: str) -> int:
     return place
 
 
+def masses_over(run: Run, times: Array) -> Array:
+    """Return the GM of all bodies at some times, (times, bodies), as mergers and forces have changed it."""
+    gm = np.broadcast_to(run.system.values.gm, (len(times), len(run.names)))
+    if run.changes is not None:
+        gm = run.changes.over(times).gm
+    for force in run.system.forces:
+        gm = force.masses(gm, run.names, times, run.system.units)
+    return np.asarray(gm)
+
+
 def histories(
     run: Run,
     bodies: Sequence[int],
@@ -91,9 +101,7 @@ def histories(
             "name some, or draw kind='paths'."
         )
     frame = (run.system.frame if frame is None else frame).lower()
-    gm = np.broadcast_to(run.system.values.gm, (len(run), len(run.names)))
-    if run.changes is not None:
-        gm = run.changes.over(run.times).gm
+    gm = masses_over(run, run.times)
     out = {name: np.full((len(run), len(others)), np.nan) for name in names}
     centre = [x[:, primary][:, None] for x in (run._q, run._v)]
     together = max(1, AT_ONCE // len(run))
@@ -105,7 +113,10 @@ def histories(
             both = gm[:, [primary]] + gm[:, some]
             found = elements_from_state(q[there], v[there], both[there])
             for name in names:
-                out[name][:, first : first + together][there] = found[name]
+                shown = found[name]
+                if name in TURNING:  # M and f of ellipses are from -pi on
+                    shown = np.where(found["e"] < 1.0, shown % (2.0 * np.pi), shown)
+                out[name][:, first : first + together][there] = shown
     return Histories(others, primary, out, frame)
 
 
@@ -119,6 +130,19 @@ def pieces(t: Array, values: Array, turn: float | None) -> tuple[Array, Array]:
     with np.errstate(invalid="ignore"):
         over = np.flatnonzero(np.abs(np.diff(values)) > 0.5 * turn) + 1
     return np.insert(t, over, np.nan), np.insert(values, over, np.nan)
+
+
+def on_line(time: float, t: Array, values: Array, turn: float | None) -> float:
+    """Return where the line through values, whose times increase, is at a time; NaN outside.
+
+    turn : as in `pieces`, over whose edge the line goes by the shorter way
+    """
+    k = int(np.clip(np.searchsorted(t, time), 1, len(t) - 1))
+    start, change = values[k - 1], values[k] - values[k - 1]
+    if turn is not None:
+        change = (change + 0.5 * turn) % turn - 0.5 * turn
+    found = float(np.interp(time, t[k - 1 : k + 1], [start, start + change], left=np.nan, right=np.nan))
+    return found if turn is None else found % turn
 
 
 def last_seen(values: Array) -> int:

@@ -15,7 +15,7 @@ from orbits.elements import FRAMES
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.plotting import style, words
 from orbits.plotting.fitting import ROW
-from orbits.plotting.histories import TURNING, Histories, histories, last_seen, pieces, primary_of
+from orbits.plotting.histories import TURNING, Histories, histories, last_seen, on_line, pieces, primary_of
 from orbits.plotting.pictures import Looks, counted, looks_of, named_in, there
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def plot_elements(
         told |= dict.fromkeys(_draw(axes, run, known, name, t, looks, cloud))
         told |= dict.fromkeys(said for mark in marks if (said := _mark(axes, run, known, name, t, looks, mark)))
         axes.set_ylabel(_label(run, name))
-        if name in TURNING:
+        if name in TURNING and _is_round(known.shown(name)):
             axes.set(ylim=(-10.0, 370.0), yticks=np.arange(0.0, 361.0, 90.0))
         axes.grid(color=style.FAINT, lw=0.6)
     panels[-1].set_xlabel(words.since(run.system, unit))
@@ -123,6 +123,11 @@ def _is_flattened(values: Array, name: str) -> bool:
     whole = 360.0 if name in TURNING else float(np.nanmax(high, initial=-np.inf) - np.nanmin(low, initial=np.inf))
     moved = (high - low) > UNCHANGED * np.maximum(np.maximum(np.abs(low), np.abs(high)), whole)
     return bool((moved & (high - low < FLAT * whole)).any())
+
+
+def _is_round(values: Array) -> bool:
+    """Return whether angles are within a turn: those of hyperbolas may be negative, or beyond."""
+    return not ((values < 0.0) | (values > 360.0)).any()
 
 
 def _one_by_one(
@@ -161,7 +166,7 @@ def _own_scale(axes: Axes, values: Array, name: str) -> None:
     axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
     if np.isfinite(values).any():
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        if name in TURNING and high - low > 180.0:
+        if name in TURNING and high - low > 180.0 and _is_round(values):
             axes.set(ylim=(-10.0, 370.0), yticks=[0.0, 180.0, 360.0])
         elif high - low <= UNCHANGED * max(abs(low), abs(high)):
             half = max(0.05 * abs(high), 1e-3)
@@ -243,7 +248,7 @@ def _mark(
     for time, names in marks.at:
         k = next((places[one] for one in names if one in places), None)
         if k is not None:
-            value = np.interp(factor * time, t[order], values[order, k], left=np.nan, right=np.nan)
+            value = on_line(factor * time, t[order], values[order, k], 360.0 if name in TURNING else None)
             colour = looks.get(known.bodies[k], {}).get("color", style.GREY)
             axes.plot(factor * time, value, marks.symbol, ms=11, mec="white", mew=0.5, color=colour, zorder=5)
             any_there = any_there or bool(np.isfinite(value))

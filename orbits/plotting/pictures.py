@@ -90,8 +90,8 @@ def plot_trajectory(
     bodies : all by default; if there are many, massless ones, and all but the 200 most massive ones, are shown as a
         cloud of points at the end of the run
     frame : as in `plot_system`
-    Bodies that merge into another one end in the picture where they merge. Raises InputError for a run without samples,
-    and for bodies that are in none of them; UnknownNameError for a frame or body that does not exist.
+    Bodies that merge into another one, or are retired, end in the picture where they do. Raises InputError for a run
+    without samples, and for bodies that are in none of them; UnknownNameError for a frame or body that does not exist.
     """
     system = run.system
     chosen = there(run, bodies)
@@ -133,8 +133,8 @@ def _draw_paths(
     end = arcs.last_state(run)
     last = in_plane(system, end.values.q, frame)
     middle = int(np.argmax(end.values.gm))
-    merged = _merged(run)
-    if words_of_cloud := _draw_cloud(axes, system, last, [i for i in cloud if not merged[i]]):
+    gone = _gone(run)
+    if words_of_cloud := _draw_cloud(axes, system, last, [i for i in cloud if not gone[i]]):
         told[words_of_cloud] = None
     reach = float(np.linalg.norm(last[sorted(chosen)] - last[middle], axis=1).max())
     still = np.ptp(run[system.names[middle]].q.value, axis=0).max() < STILL * reach
@@ -142,7 +142,7 @@ def _draw_paths(
     samples, ways = arcs.followed(run, [i for i in single if i != middle or not still])
     for i in single:
         look, colour = looks[i], looks[i]["color"]
-        if merged[i]:
+        if gone[i]:
             axes.plot([], [], **look)
         else:
             axes.plot(*last[i, :2], "o", ms=6, mec="white", mew=0.5, zorder=3, **look)
@@ -155,13 +155,13 @@ def _draw_paths(
             dots = in_plane(system, samples.q(i)[path.loose], frame)
             axes.plot(dots[:, 0], dots[:, 1], ".", ms=3.5, mew=0, color=colour)
             told["dots: samples too far apart for a line"] = None
-        around = None if merged[i] else osculating_ellipse(end, i, frame)
+        around = None if gone[i] else osculating_ellipse(end, i, frame)
         if around is not None:
             axes.plot(around[:, 0], around[:, 1], lw=0.8, alpha=0.45, zorder=1, color=colour)
             told["thin ellipses: the osculating orbits at the end"] = None
     map_axes(axes, system, frame)
-    if any(merged[i] for i in chosen):
-        told["lines without a disc: bodies that merged into others"] = None
+    if any(gone[i] for i in chosen):
+        told["lines without a disc: bodies that merged, or were retired"] = None
     return ("discs: the bodies at the end", *told)
 
 
@@ -295,11 +295,9 @@ def there(run: Run, bodies: Sequence[str] | None) -> list[int]:
     return [i for i in chosen if seen[i]]
 
 
-def _merged(run: Run) -> NDArray[np.bool_]:
-    """Return which massive bodies are gone by the last sample, (bodies,)."""
-    if run.changes is None:
-        return np.zeros(len(run.names), dtype=bool)
-    return np.asarray(run.system.massive & ~run.changes.bodies_at(run._last_time).present)
+def _gone(run: Run) -> NDArray[np.bool_]:
+    """Return which bodies are gone by the last sample, merged or retired, (bodies,)."""
+    return np.asarray(~np.isfinite(run._q[-1]).all(axis=1))
 
 
 def looks_of(system: State, chosen: list[int]) -> tuple[Looks, list[int]]:

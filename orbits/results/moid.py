@@ -21,9 +21,10 @@ def moid(orbit: OrbitalElements, other: OrbitalElements) -> u.Quantity:
 
     orbit, other : elements about the same primary in the same frame, ellipses, parabolas or hyperbolas. Shapes are
         broadcast, as those of arrays: of all samples of a run, `run.elements()`, it is that of the osculating orbits.
-    Returns a distance in the unit of the first orbit, of their common shape, to 1e-14 of the larger orbit. Pairs in
-        arrays take 0.5 ms each, a single one 2 ms.
-    Raises InputError for elements about another primary or in another frame.
+    Returns a distance in the unit of the first orbit, of their common shape, to 1e-14 of the larger orbit; NaN where a
+        particle is retired. Pairs in arrays take 0.5 ms each, a single one 2 ms.
+    Raises InputError for elements about another primary, in another frame or of other shapes, and for lengths beside
+        plain numbers.
     """
     for given in (orbit, other):
         if not isinstance(given, OrbitalElements):
@@ -33,10 +34,18 @@ def moid(orbit: OrbitalElements, other: OrbitalElements) -> u.Quantity:
             f"these orbits are about {orbit.primary} in the frame {orbit.frame!r} and about {other.primary} in "
             f"{other.frame!r}; expected elements about the same primary in the same frame."
         )
+    if not orbit.q.unit.is_equivalent(other.q.unit):
+        raise InputError(f"one orbit has units, the other none: q = {orbit.q} and {other.q}; expected both or neither.")
     elements: list[Any] = []
     for x in (orbit, other):
         elements += [x.q.to_value(orbit.q.unit), x.e.value, *(y.to_value(u.rad) for y in (x.inc, x.Omega, x.omega))]
-    values = np.array(np.broadcast_arrays(*elements))
-    both = Conics.of(*values.reshape(2, 5, -1).swapaxes(0, 1))
-    distance = least_distances(both.some(0), both.some(1))[0]
-    return u.Quantity(distance.reshape(values.shape[1:]), orbit.q.unit)
+    try:
+        values = np.array(np.broadcast_arrays(*elements))
+    except ValueError:
+        shapes = f"{orbit.q.shape} and {other.q.shape}"
+        raise InputError(f"the elements have the shapes {shapes}; expected the same, or one orbit.") from None
+    there = np.isfinite(values).all(axis=0)
+    both = Conics.of(*values[:, there].reshape(2, 5, -1).swapaxes(0, 1))
+    distance = np.full(there.shape, np.nan)
+    distance[there] = least_distances(both.some(0), both.some(1))[0]
+    return u.Quantity(distance, orbit.q.unit)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 MOST_TIMES = 100_000
 
+ROUNDING = 1e-6
+"""Of a step, by which rounded dates may be short of whole steps: the last one counts."""
+
 
 def typed_observer(text: str) -> Any:
     """Return "-70.7,-30.2,2663" (degrees east, degrees north, metres) as an `EarthLocation`, any other text unchanged.
@@ -68,16 +71,34 @@ def typed_times(run: Trajectory, start: str | None, stop: str | None, step: str 
             raise InputError(f"--step = {shown(step)}; expected a time above 0, such as '1 d' or '10 min'.")
         if not last >= first:
             raise InputError(f"--to = {shown(stop)} is before --from = {shown(start)}.")
-        # The last time counts although a date may be rounded.
-        count = math.floor((last - first) / length + 1e-9) + 1
-        if count > MOST_TIMES:
-            raise InputError(f"{count:,} times from --from to --to; at most {MOST_TIMES:,} are possible.")
-        times = first + length * np.arange(count)
+        return _grid(run, first, last, length, utc=utc)
+    return _utc(run, times) if utc else times
+
+
+def _grid(run: Trajectory, first: float, last: float, length: float, *, utc: bool) -> Any:
+    """Return times since the epoch, or dates of UTC, whose days are even there. Raises InputError for too many."""
+    span = last - first
+    if utc:
+        ends = _utc(run, np.array([first, last]))
+        day = float((1.0 * run.system.units.time).to_value("d"))
+        span = float(np.diff(ends.jd1)[0] + np.diff(ends.jd2)[0]) / day
+    count = math.floor(span / length + ROUNDING) + 1
+    if count > MOST_TIMES:
+        raise InputError(f"{count:,} times from --from to --to; at most {MOST_TIMES:,} are possible.")
+    since = length * np.arange(count)
     if not utc:
-        return times
+        return np.minimum(first + since, last)
+    from astropy.time import Time
+
+    even = Time(ends.jd1[0], ends.jd2[0] + since * day, format="jd", scale="utc")
+    return _utc(run, np.minimum(times_since(run.system, even, "--from"), last))
+
+
+def _utc(run: Trajectory, since: Any) -> Any:
+    """Return the dates, UTC, of times since the epoch."""
     from astropy import units as u
 
-    return (run.system.epoch + u.Quantity(times, run.system.units.time)).utc
+    return (run.system.epoch + u.Quantity(since, run.system.units.time)).utc
 
 
 def _since(run: Trajectory, text: str, option: str, *, utc: bool) -> float:

@@ -256,7 +256,7 @@ def united(one: System, other: System) -> dict[str, Any]:
     mine, theirs = one.values, other.values
     if mine.softening != theirs.softening:
         raise InputError(f"softening is {one.softening} and {other.softening}; expected the same for all bodies.")
-    new = []
+    new, known = [], [np.zeros(len(x)) if x.radii is None else x.radii.value for x in (one, other)]
     for i, name in enumerate(other.names):
         if name not in one.names:
             new.append(i)
@@ -273,9 +273,14 @@ def united(one: System, other: System) -> dict[str, Any]:
                 f"both systems have {name!r}, {apart:.6g} apart; expected different names or exactly the same values. "
                 f"Remove it from one of them.{remedy}"
             )
+        if known[0][k] != known[1][i]:
+            sizes = " and ".join(f"{u.Quantity(x, one.units.length):.6g}" for x in (known[0][k], known[1][i]))
+            raise InputError(
+                f"both systems have {name!r}, with the radii {sizes}; expected the same: replaced(radii=...), "
+                "or remove it from one of them."
+            )
     radii = None
     if one.radii is not None or other.radii is not None:
-        known = [np.zeros(len(x)) if x.radii is None else x.radii.value for x in (one, other)]
         radii = np.concatenate([known[0], known[1][new]])
     gm, q, v = (np.concatenate([a, b[new]]) for a, b in zip(mine[:3], theirs[:3], strict=True))
     return {"names": one.names + tuple(other.names[i] for i in new), "gm": gm, "q": q, "v": v, "radii": radii}

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from orbits.body_names import few
 from orbits.errors import InputError, shown, with_unit
 from orbits.point_masses import PointMasses
-from orbits.system.rigid_body import RIGID
 from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
@@ -130,7 +129,7 @@ def check_once(terms: Sequence[Any], forces: Sequence[Any], names: Sequence[str]
     """
     acting = [(term.body, "has a J2", type(term).__name__) for term in terms if getattr(term, "J2", 0.0) != 0.0]
     for force in forces:
-        if force.kind == RIGID:
+        if hasattr(force, "moments"):  # rigid bodies
             moments = zip(force.bodies, force.moments, strict=True)
             acting += [(name, "has a J2", "RigidBody") for name, ABC in moments if np.ptp(ABC) > 0.0]
     for term in terms:

@@ -23,12 +23,12 @@ from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.system import OrbitalElements, System
 from orbits.system.model import continued, most_inner
 from orbits.system.presenting import NANOSECONDS
-from orbits.trajectory.again import MarchedAgain
 from orbits.trajectory.archived import identity_of
 from orbits.trajectory.changes import Changes, Legs, at_time, no_changes
 from orbits.trajectory.conservation import Conservation
 from orbits.trajectory.events import Events, events_of
 from orbits.trajectory.excursions import Excursions
+from orbits.trajectory.marched_again import MarchedAgain
 from orbits.trajectory.osculating import elements_of
 from orbits.trajectory.parts import BodyTrajectory, Statistics, as_array
 from orbits.trajectory.presented import as_line, as_table, labelled
@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from orbits.protocols import Samples
     from orbits.results.error_bars import ErrorBars
     from orbits.results.stop import Stop
-    from orbits.trajectory.again import MarchesAgain
+    from orbits.trajectory.marched_again import MarchesAgain
 
 Array = NDArray[np.float64]
 

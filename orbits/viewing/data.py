@@ -23,6 +23,7 @@ from orbits.body_names import few
 from orbits.elements import FRAMES, to_frame
 from orbits.errors import ArchiveError, InputError
 from orbits.plotting import style, words
+from orbits.plotting.histories import masses_over
 from orbits.trajectory.archived import identity_of
 from orbits.trajectory.work import accounts_of
 from orbits.viewing.approaches import approaches_of
@@ -214,8 +215,11 @@ class ViewData:
         A body that is gone has 0.
         """
         legs = run.legs if run.changes is not None else ()
-        if len(legs) < 2:
-            return []
+        if len(legs) < 2:  # forces change them slowly
+            times = run.times[:: math.ceil(len(run) / MOST_LEGS)]
+            gm = masses_over(run, times)[:, list(self.layout.bodies)]
+            changed = (gm != gm[0]).any()
+            return [[t, now] for t, now in zip(times.tolist(), gm.tolist(), strict=True)] if changed else []
         found = []
         for leg in legs[:MOST_LEGS]:
             known = dict(zip(leg.names, leg.gm.value.tolist(), strict=True))

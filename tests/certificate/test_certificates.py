@@ -28,6 +28,7 @@ def certificate(system):
     return orbits.certify(system, orbits.Gauss(stages=4), 10 * u.day)
 
 
+@pytest.mark.nightly
 def test_a_system_with_particles_is_certified_with_their_fibres(certificate):
     assert certificate.ok, certificate.table()
     assert certificate["symplecticity of particles"].holds

@@ -162,6 +162,7 @@ def test_terms_are_compared_one_by_one_so_that_a_small_one_is_not_lost():
     assert "of the term field is 2e-14, but 1e-14 by differences of value" in measured[GRADIENTS].note
 
 
+@pytest.mark.nightly
 def test_spans_longer_than_the_distance_of_two_bodies_do_not_hide_their_attraction():
     """Mercury feels, by relativity, the place of the Moon, which the Earth attracts from 0.003 au."""
     system = orbits.System.solar_system(bodies=["Sun", "Mercury", "Earth", "Moon", "Jupiter"])

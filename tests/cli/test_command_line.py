@@ -131,6 +131,7 @@ def test_run_takes_another_method_backwards_and_prints_json_alone(tmp_path):
     assert orbits.Trajectory.open(tmp_path / "run.h5").times[-1] == -0.5 * 365.25
 
 
+@pytest.mark.nightly
 def test_a_scenario_with_constant_steps_is_run_and_compared_with_adaptive_ones(tmp_path):
     out = call(
         "run", "solar_system", "--dt", "adaptive", "--integrator", "gauss", "--duration", "1 yr", "--samples", "3",
@@ -242,6 +243,7 @@ def test_certify_judges_variational_methods_and_shows_controls(judged, tmp_path)
     assert call(*again).exit_code == 2
 
 
+@pytest.mark.nightly
 def test_certify_takes_each_problem_of_a_study_once_for_a_method_that_was_asked_for(tmp_path):
     (tmp_path / "twice.py").write_text(
         "import orbits\n"
@@ -454,6 +456,7 @@ def test_a_signal_before_the_first_step_of_a_scenario_ends_it_as_one_in_a_run(tm
     assert "stopped by SIGTERM" in out.stderr
 
 
+@pytest.mark.nightly
 def test_a_process_of_its_own_tells_who_was_retired(tmp_path):
     """Where nothing had imported what marches runs again, `orbits info` knew of no retired particle."""
     q, v = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], np.zeros((2, 3))
@@ -493,6 +496,7 @@ def test_the_package_is_run_as_the_command():
     assert done.stdout == f"orbits {orbits.__version__}\n"
 
 
+@pytest.mark.nightly
 def test_encounters_in_a_map_are_an_option_of_the_method_on_the_command_line(tmp_path):
     method = "wisdom-holman(encounters='follow')"
     out = call(

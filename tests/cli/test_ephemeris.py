@@ -10,6 +10,7 @@ from typer.testing import CliRunner, Result
 
 import orbits
 from orbits.cli import app
+from orbits.scenario.ephemerides import typed_times
 
 from ..coverings import each
 
@@ -36,6 +37,16 @@ def test_a_span_of_times_is_printed_in_utc_for_each_body(archive):
     assert len(lines) == 8
     assert "date (UTC) " in found.stdout
     assert found.stdout.startswith("Mars, Moon as seen from the geocentre; 4 times; ")
+
+
+@each(("first", "last"), [("2022-07-01", "2022-07-05"), ("2016-12-30", "2017-01-03")])
+def test_days_of_utc_are_even_and_the_last_is_among_them(first, last):
+    """TDB - UTC falls by 30 µs in the first span, whose end was missing, and a leap second is in the other."""
+    system = orbits.System.solar_system(first, bodies=["Sun", "Mars"])
+    run = orbits.propagate(system, duration="6 d", samples=2)
+    dates = typed_times(run, first, last, "1 d", utc=True)
+    assert (len(dates), dates.isot[-1]) == (5, f"{last}T00:00:00.000")
+    assert {date[11:] for date in dates.isot} == {"00:00:00.000"}
 
 
 def test_json_has_the_figures_of_the_ephemeris(archive):

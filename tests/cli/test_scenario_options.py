@@ -111,6 +111,7 @@ def test_the_list_of_scenarios_names_their_options() -> None:
     assert {each["name"]: each["options"] for each in record} == {s.name: list(s.options) for s in bundled()}
 
 
+@pytest.mark.nightly
 def test_a_scenario_run_as_a_program_takes_the_same_options(
     file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_scenario_run_as_a_program_takes_the_same_options(
     assert "colour=red|blue" in capsys.readouterr().out
 
 
+@pytest.mark.nightly
 def test_comparison_and_certificate_take_options() -> None:
     out = call("compare", "pair.py", "--set", "a=2", "--integrator", "stormer-verlet", "--json", "--no-plot")
     assert out.exit_code == 0, out.output

@@ -24,8 +24,8 @@ LINEAR = {"free-particle", "harmonic-oscillator"}
 BY_ALL = "kepler"
 """The Lagrangian on which a method of each family is certified by default."""
 
-BESIDE = {"heavy-top": "LieGroupVariational()", "pendulum-on-a-sphere": "Rattle()"}
-"""A rigid body, with the method that serves no other, and a constraint."""
+BESIDE = {"pendulum-on-a-sphere": "Rattle()"}
+"""A constraint, with the method that serves no other. Rigid bodies have files of their own."""
 
 EXAMPLES = [m for cls in methods().values() for m in cls.examples()]
 ALL = [*EXAMPLES, Composition(Rattle(), order=4)]

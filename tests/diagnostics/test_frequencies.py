@@ -34,6 +34,7 @@ def jupiter(n=32768, start=0.0):
     return t, frequency, amplitude, series(t, frequency, amplitude)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("window", only([1], [0, 1, 3]))
 def test_ten_terms_of_jupiter_are_found_far_within_the_bounds_of_rebounds_best_method(window):
     rows = json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]

@@ -27,6 +27,7 @@ def marched(request):
     return L, discrete.constrained(discrete.trapezoidal(L)), path, L.example.dt
 
 
+@pytest.mark.nightly
 def test_rattle_solves_the_equations_with_multipliers_and_has_the_momenta_of_its_discrete_lagrangian(marched):
     _, L_d, path, h = marched
     assert largest(discrete.euler_lagrange_residual(L_d, path.q, h)) < 1e-14  # 3.4e-15: |q| / h roundings

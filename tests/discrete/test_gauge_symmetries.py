@@ -135,6 +135,7 @@ def test_whole_moves_change_the_discrete_action_by_the_gauge_terms_integral_alon
     assert abs(discrete.invariance(L_d, plain, q0, q1, L.h, 0.7, 0.3)) > 1e-3
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", first(1, SPECIAL), ids=lambda m: m.label)
 def test_the_charges_of_a_uniform_magnetic_field_are_conserved_and_certified(method):
     """p_x - e B y/2 and p_y + e B x/2, the centre of the gyration, and the uniform motion along the field."""

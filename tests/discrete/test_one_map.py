@@ -37,6 +37,7 @@ def test_trapezoidal_and_both_symplectic_eulers_share_their_equations_and_are_th
             assert np.abs(discrete.momentum_residual(L_d, path, p, H)).max() > 1e-2  # h |grad V|/2
 
 
+@pytest.mark.nightly
 def test_the_certificate_finds_the_momenta_of_an_equivalent_discrete_lagrangian():
     """A path of Störmer–Verlet with momenta of symplectic Euler: its DEL residual is round-off, it is another map."""
     L = orbits.lagrangians.pendulum

@@ -144,6 +144,20 @@ def test_moid_with_the_earth_is_that_of_jpl(name: str) -> None:
     assert several[elements.names.index(name)].to_value(u.au) == pytest.approx(found, abs=1e-15)
 
 
+def test_of_a_run_retired_particles_have_no_moid_and_other_samples_are_refused() -> None:
+    """`numpy.linalg.LinAlgError: Array must not contain infs or NaNs`"""
+    system = orbits.System.solar_system("2025-01-01", bodies=["Sun", "Earth", "Moon"]).add("p", primary="Sun", a=2.0)
+    q, v = (np.repeat(x[None], 3, axis=0) for x in (system.values.q, system.values.v))
+    run = orbits.Trajectory(system, np.arange(3.0), q, v, step=1.0, integrator=orbits.Gauss(stages=8))
+    elements = run.elements(primary="Sun")
+    gone = np.zeros((3, 3), dtype=bool)
+    gone[2, 2] = True
+    found = orbits.moid(elements.blank(gone), system.elements(primary="Sun")["Earth"])
+    np.testing.assert_array_equal(np.isnan(found), gone)
+    with pytest.raises(InputError, match=r"shapes \(3, 3\) and \(2, 3\); expected the same"):
+        orbits.moid(elements, run[:2].elements(primary="Sun"))
+
+
 def test_orbits_about_other_primaries_are_refused() -> None:
     system = orbits.System.solar_system("2025-01-01", bodies=["Sun", "Earth", "Moon"])
     about = {primary: system.elements(primary=primary) for primary in ("Sun", "Earth")}
@@ -151,3 +165,6 @@ def test_orbits_about_other_primaries_are_refused() -> None:
         orbits.moid(about["Sun"]["Moon"], about["Earth"]["Moon"])
     with pytest.raises(InputError, match="is no orbit; expected elements"):
         orbits.moid(system, about["Sun"]["Earth"])  # type: ignore[arg-type]
+    bare = orbits.System.from_elements({"Sun": {"gm": 1}, "p": {"a": 1}}, units=orbits.DIMENSIONLESS)
+    with pytest.raises(InputError, match="one orbit has units, the other none"):
+        orbits.moid(bare.elements()["p"], system.elements(primary="Sun", frame="system")["Earth"])

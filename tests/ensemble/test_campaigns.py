@@ -82,6 +82,7 @@ def test_particles_that_are_followed_through_encounters_have_bits_that_do_not_de
     assert followed.sum() > 5
 
 
+@pytest.mark.nightly
 def test_a_process_gives_the_bits_of_a_thread(tmp_path):
     one = ensemble.run(belt(40), tmp_path / "threads", block=16, **OPTIONS)
     other = ensemble.run(belt(40), tmp_path / "processes", block=16, workers=1, processes=True, **OPTIONS)
@@ -163,6 +164,7 @@ def test_a_campaign_that_a_signal_stopped_goes_on_to_the_same_bits(tmp_path, num
     assert campaign.bits == undisturbed.bits
 
 
+@pytest.mark.nightly
 def test_a_block_that_was_interrupted_goes_on_where_it_was(tmp_path, monkeypatch):
     """Its archive is taken up at the step that it had reached, which the second run does not march again."""
     longer = {**OPTIONS, "duration": 2e4 * u.yr, "block": 32, "workers": 1}
@@ -191,6 +193,7 @@ def test_a_block_that_was_interrupted_goes_on_where_it_was(tmp_path, monkeypatch
     np.testing.assert_array_equal(campaign["p31"].q, whole["p31"].q)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("moment", first(2, ["while they are made ready", "while they are marched", "before"]))
 def test_a_block_of_systems_that_is_to_stop_begins_no_more_of_them_and_loses_none(tmp_path, monkeypatch, moment):
     """Systems that were not begun would each take as long to be made ready, and to be stored, as the stop may take."""
@@ -219,6 +222,7 @@ def test_a_block_of_systems_that_is_to_stop_begins_no_more_of_them_and_loses_non
     assert whole.bits == tasks.integrate(task, tmp_path / "other", "here").bits
 
 
+@pytest.mark.nightly
 def test_a_campaign_is_readable_while_it_runs(tmp_path):
     seen: list[ensemble.Progress] = []
 
@@ -370,6 +374,7 @@ def test_a_campaign_that_would_not_fit_on_the_disk_is_refused_before_it_starts(t
     assert not list(tmp_path.glob("c/block*"))
 
 
+@pytest.mark.nightly
 def test_the_estimate_of_the_disk_is_that_of_the_files(tmp_path):
     """Within a quarter, for few and for many samples, of particles and of systems."""
     particles, systems = belt(60), ensemble.systems([giants()] * 5)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import pytest
 from typer.testing import CliRunner
 
 from orbits import ensemble
@@ -71,6 +72,7 @@ def _told(*arguments):
     return " ".join(done.output.split())
 
 
+@pytest.mark.nightly
 def test_ctrl_c_stops_with_a_line_on_how_to_go_on_and_the_same_command_goes_on(tmp_path, monkeypatch):
     (tmp_path / "belt.py").write_text(PLAN.format(duration="6000 yr"))
     command = [sys.executable, "-m", "orbits", "ensemble", "belt.py", "--workers", "1"]

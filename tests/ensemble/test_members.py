@@ -10,7 +10,7 @@ from astropy.time import Time
 import orbits
 from orbits import ensemble
 from orbits.ensemble.clones import drawn
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import EpochError, InputError, OrbitsWarning, UnknownNameError
 from tests.ensemble.belts import belt, giants, system
 
 from ..coverings import each
@@ -155,6 +155,7 @@ def test_what_is_no_ensemble_is_refused(make, message):
         make()
 
 
+@pytest.mark.nightly
 def test_blocks_of_few_members_and_of_many_have_a_size_by_their_work():
     def size(count, **options):
         plan = ensemble.Plan(belt(10) if count == 10 else many(count), integrator="wisdom-holman", **options)
@@ -183,3 +184,69 @@ def test_what_has_no_parts_or_uneven_ones_is_refused_in_words():
         orbits.ensemble.grid(planets, primary="Sun", a=[[1, 2], [3]])
     with pytest.raises(InputError, match="pole"):
         planets.with_terms(orbits.terms.ZonalHarmonics("Sun", J2=1e-3, radius=1 * u.km, pole=([1, 2], [3, 4])))
+
+
+def test_members_keep_the_forces_that_name_them():
+    """By its own number for each: a campaign in which Yarkovsky's force was left out told of another orbit."""
+    light = orbits.terms.RadiationPressure(beta=(0.1, 0.2), bodies=["p0", "p2"])
+    heat = orbits.terms.NonGravitational.yarkovsky(1e-12 * u.au / u.day**2, bodies=["p1"])
+    whole = system(3).with_forces(light, heat)
+    for members in (ensemble.particles(giants(), whole), ensemble.particles(whole, whole)):
+        (force,) = members.part(2, 3).system().forces
+        assert (force.bodies, force.beta) == (("p2",), (0.2,))
+        assert members.identity() != belt(3).identity()
+    clones = ensemble.clones(whole, "p2", covariance=COVARIANCE, count=2)
+    assert {f.bodies: f.beta for f in clones.part(1, 3).system().forces if f.bodies != ("p1",)} == {
+        ("p0",): (0.1,), ("p2 clone 0", "p2 clone 1"): 0.2}  # fmt: skip
+
+
+def test_a_system_whose_members_do_not_fit_among_the_bodies_is_refused():
+    """Numbers in other units and from another origin were taken as they were: 2.5 au became 2.5 km."""
+    metres = orbits.UnitSystem("metres", u.m, u.s, u.kg)
+    other = orbits.System(giants().names, giants().gm, giants().q, giants().v, epoch=giants().epoch, units=metres)
+    with pytest.raises(InputError, match="the systems are in metres and SOLAR"):
+        ensemble.particles(other, system(3))
+    with pytest.raises(InputError, match="both systems have 'Sun', 1 AU apart"):
+        ensemble.particles(giants().replaced(q=giants().values.q + np.array([1.0, 0.0, 0.0])), system(3))
+    with pytest.raises(EpochError):
+        ensemble.particles(giants().replaced(epoch="2023-08-09"), system(3))
+
+
+def test_names_of_members_may_be_an_array():
+    states = {"q": np.ones((2, 3)), "v": np.zeros((2, 3)), "names": np.array(["one", "two"])}
+    assert list(ensemble.particles(giants(), states).names) == ["one", "two"]
+    with pytest.raises(InputError, match="q is"):
+        ensemble.particles(giants(), {"q": [[1, 2], [2, 3, 4]], "v": np.zeros((2, 3))})
+
+
+def test_the_bodies_of_a_campaign_are_those_with_mass_wherever_they_stand(tmp_path):
+    planets = giants()
+    values, order = planets.add("dust", primary="Sun", a=2.0).values, [0, 3, 1, 2]
+    mixed = orbits.System(["Sun", "dust", "Jupiter", "Saturn"], *(x[order] for x in values[:3]), epoch=planets.epoch)
+    found = ensemble.run(ensemble.grid(mixed, primary="Sun", a=[3.0, 3.1] * u.au), tmp_path / "c",
+                         duration="100 d", dt="10 d", integrator="wisdom-holman", progress=False)  # fmt: skip
+    assert found.summary.meta["bodies"] == ["Sun", "Jupiter", "Saturn"]
+
+
+def test_bodies_of_systems_have_their_columns_by_name_and_one_unit(tmp_path):
+    """Saturn alone stood in the column of Jupiter, and 1.4e9 km became 1.4e9 au."""
+    pl = giants()
+    kilometres = orbits.UnitSystem("kilometres", u.km, u.s, u.kg)
+    third = orbits.System(pl.names, pl.gm, pl.q, pl.v, epoch=pl.epoch, units=kilometres)
+    with pytest.warns(OrbitsWarning, match="the system is in km and s; expected AU and d, the units of the first"):
+        found = ensemble.run(ensemble.systems([pl, pl.remove("Jupiter"), third]), tmp_path / "c",
+                             duration="100 d", dt="10 d", progress=False).summary  # fmt: skip
+    assert found["state"].tolist() == ["survived", "survived", "failed"]
+    np.testing.assert_allclose(found["a_max"][:2, 2].value, 9.57, rtol=0.01)  # perturbed by Jupiter, or not
+    assert np.isnan(found["a_max"][1, :2]).all()
+
+
+def test_members_with_masses_among_the_same_bodies_are_refused():
+    """The runs were without them, in silence."""
+    with pytest.raises(InputError, match=r"'a=3 AU' has a mass, but these members are massless"):
+        ensemble.grid(giants(), primary="Sun", a=[3.0, 3.1] * u.au, mass=1e-6 * u.M_sun)
+
+
+def test_parameters_of_a_grid_that_are_columns_of_the_table_are_refused():
+    with pytest.raises(InputError, match="'state' is a column of the table"):
+        ensemble.grid(giants, state=[1, 2])

@@ -383,6 +383,7 @@ def test_a_moment_after_a_sample_the_small_body_is_still_there():
         assert np.abs(q - run.q.value[1:-1, -1]).max() < 1e-15 + 0.1 * offset
 
 
+@pytest.mark.nightly
 def test_a_moment_after_a_sample_massive_bodies_with_relativity_can_be_marched():
     system = orbits.System.solar_system(epoch="2025-04-10", bodies=["Sun", "Mercury", "Jupiter"])
     system = system.with_terms(orbits.terms.PostNewtonian())

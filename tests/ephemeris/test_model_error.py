@@ -35,6 +35,7 @@ def table():
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in found.group(1).splitlines()]
 
 
+@pytest.mark.nightly
 def test_the_page_says_what_newtonian_point_masses_miss_of_de440(script, measured):
     rows = table()
     for body, *cells in rows:

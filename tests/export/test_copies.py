@@ -144,6 +144,7 @@ def test_an_error_keeps_its_step_bodies_and_trajectory(again):
     assert np.array_equal(copied.trajectory.q, error.trajectory.q)
 
 
+@pytest.mark.nightly
 def test_runs_in_spawned_processes_have_the_bits_of_this_one():
     system = systems()["solar"]
     work = functools.partial(orbits.propagate, integrator=orbits.Gauss(stages=4), dt=20, duration=200, samples=5)

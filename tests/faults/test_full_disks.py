@@ -72,6 +72,7 @@ def in_a_small_disk(folder: Path, *command: str) -> subprocess.CompletedProcess[
     return subprocess.run([*inside, *command], capture_output=True, text=True, check=False, cwd=ROOT, timeout=120)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("when", [pytest.param("early", marks=pytest.mark.faults), "late"])
 def test_a_full_disk_says_what_is_free_on_it_without_the_unfinished_file(when, tmp_path):
     """Early: by asking first. Late: the file system promised room that it then does not have."""
@@ -98,6 +99,7 @@ sys.exit(0 if small.is_part_of_the_run(orbits.Trajectory.open(path)) else 1)
 """
 
 
+@pytest.mark.nightly
 def test_a_disk_that_others_fill_during_the_run_does_not_stop_it(tmp_path):
     """All of its room was reserved when the file was made."""
     done = in_a_small_disk(tmp_path, sys.executable, "-c", whole(FILL), str(tmp_path))

@@ -161,6 +161,7 @@ def planted_index(kept: Path, cache: Path, mark: Path) -> Path:
     return path
 
 
+@pytest.mark.nightly
 def test_a_cache_file_that_others_may_write_is_not_read(kept, tmp_path):
     program, right, cache = kept
     path = planted_index(cache, tmp_path / "cache", tmp_path / "executed")
@@ -173,6 +174,7 @@ def test_a_cache_file_that_others_may_write_is_not_read(kept, tmp_path):
     assert path.stat().st_mode & 0o777 == 0o644, "it was replaced"
 
 
+@pytest.mark.nightly
 def test_a_cache_folder_that_others_may_write_is_not_used(kept, tmp_path):
     program, right, cache = kept
     path = planted_index(cache, tmp_path / "cache", tmp_path / "executed")
@@ -215,6 +217,7 @@ def test_processes_that_compile_into_one_cache_at_once_give_the_same_bits_and_le
     assert len(later[0].splitlines()) == 2
 
 
+@pytest.mark.nightly
 def test_a_full_disk_costs_the_cache_and_not_the_result(kept, tmp_path):
     """A limit on the size of files refuses what is written, as a full disk would."""
     program, right, _ = kept
@@ -228,6 +231,7 @@ def test_a_full_disk_costs_the_cache_and_not_the_result(kept, tmp_path):
 STRICT = "import warnings\nfrom orbits.errors import OrbitsWarning\nwarnings.simplefilter('error', OrbitsWarning)\n"
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "unusable",
     [

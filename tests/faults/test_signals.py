@@ -66,6 +66,7 @@ def test_a_signal_at_any_moment_leaves_a_run_that_goes_on_to_the_same_bits(numbe
     assert small.is_part_of_the_run(orbits.resume(path, progress=False))
 
 
+@pytest.mark.nightly
 def test_a_run_that_ignores_sighup_as_under_nohup_runs_to_its_end(tmp_path):
     path = tmp_path / "run.h5"
     status, out, err = ended(start(RUN, path, int(signal.SIGHUP), "in the middle", ignored=[signal.SIGHUP]))

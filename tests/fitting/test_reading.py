@@ -326,6 +326,7 @@ def test_radar_is_read_as_jpl_gives_it():
         Observations.parse("{}")
 
 
+@pytest.mark.nightly
 def test_observations_that_come_with_the_package():
     """The counts are those of the files' sources; one line of Apophis' was replaced by a later measurement."""
     apophis = Observations.bundled("apophis")

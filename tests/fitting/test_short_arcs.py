@@ -58,6 +58,7 @@ def fitted(observations: orbits.Observations) -> tuple[Fit, str]:
 MIDDLE_BELT = (2.5, 0.15, 8.0, 80.0, 40.0, 120.0)
 
 
+@pytest.mark.nightly
 def test_the_root_that_fits_best_is_taken_not_the_nearest_one():
     """Six observations in eight days; a nearer root, a = 0.79 au, has a normalized RMS of 0.65."""
     observations, run = seen(MIDDLE_BELT, SIX, 0)
@@ -175,6 +176,7 @@ def test_a_place_of_another_body_is_rejected_whichever_it_is(days, place):
     assert mahalanobis(fit, state(run.at(fit.epoch))) < 22.5
 
 
+@pytest.mark.nightly
 def test_a_place_of_another_body_is_rejected_with_a_start_too():
     observations, run = seen(MIDDLE_BELT, LONGER, 1)
     fit = orbits.fit(displaced(observations, 4), run[0])

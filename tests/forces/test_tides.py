@@ -132,6 +132,7 @@ def test_a_spin_that_is_held_stays_and_its_torque_is_accounted():
     assert np.abs(left - left[0]).max() < 4 * EPS * np.abs(left[0]).max()
 
 
+@pytest.mark.nightly
 def test_massless_bodies_move_as_without_tides_and_the_massive_ones_as_without_them():
     grain = pair().add("grain", gm=0.0, q=[0.0, 2.0, 0.0], v=[-0.7, 0.0, 0.1])
     force = Tides("star", k2=0.3, radius=0.2, lag=0.1, inertia=0.1, spin=1.0, pole=(0, 0, 1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 import numpy as np
+import pytest
 
 import orbits
 
@@ -44,6 +45,7 @@ def test_a_light_third_body_does_not_move_the_centre_of_mass_of_a_binary(light, 
     assert off_the_line(run) < 1e-16
 
 
+@pytest.mark.nightly
 def test_a_weak_term_does_not_move_the_centre_of_mass_of_a_binary():
     flat = binary(1e-9).with_terms(orbits.terms.ZonalHarmonics("A", J2=1e-6, radius=0.01, pole=[0.0, 0.0, 1.0]))
     run = orbits.propagate(flat, "gauss", dt=0.1, duration=350.0, samples=8)

@@ -27,6 +27,7 @@ def test_every_scheme_reaches_its_order_as_a_compiled_map(order, name):
     assert measured > 0.92 * order
 
 
+@pytest.mark.nightly
 def test_kicks_and_drifts_are_lobatto_composed_by_its_own_kernels():
     """Störmer–Verlet is the default pair of `VPRK`: chains of merged kicks against one implicit substep at a time."""
     start = three_bodies(particles=11)
@@ -54,6 +55,7 @@ def test_an_implicit_method_composed_has_its_order():
     assert abs(measured - 6) < 0.3
 
 
+@pytest.mark.nightly
 def test_particles_of_an_implicit_composition_do_not_know_their_neighbours_and_a_checkpoint_goes_on():
     gm, q, v = three_bodies(particles=11)
     one = marcher(IMPLICIT, gm, q, v, 0.15)

@@ -47,6 +47,7 @@ def test_an_error_names_the_first_step_that_cannot_be_taken_and_keeps_what_was_b
     assert again.value.step == step
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", first(1, IMPLICIT), ids=lambda m: m.label)
 def test_a_mass_matrix_that_loses_its_inverse_on_the_way_is_an_error_with_the_step(method):
     """x moves by 1/8 in each step, exactly; at x = 1, after eight steps, y has no kinetic energy."""

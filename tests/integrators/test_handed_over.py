@@ -149,6 +149,7 @@ def test_crossers_are_followed_in_democratic_heliocentric_coordinates_too():
     assert np.median(left[:16]) > 30.0 * off[16:].max()  # seen: 820,000 km
 
 
+@pytest.mark.nightly
 def test_closest_approaches_of_followed_particles_do_not_depend_on_threads():
     """To the last bit: each share of the particles has its own bodies, which are seen the same in all."""
     start = system(CROSSERS)

@@ -123,6 +123,7 @@ def test_equal_moments_flat_bodies_and_rods_are_bodies_like_others(J):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.nightly
 def test_a_million_steps_keep_the_angular_momentum_in_space():
     q, v = rotations.start(rates=(0.4, 0.1, 0.9), attitude=(1.0, 0.2, -0.1, 0.3))
     path = orbits.march(euler_top, LGVI, q=q, v=v, dt=0.05, steps=1_000_000, every=1000)

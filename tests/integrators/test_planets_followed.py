@@ -150,6 +150,7 @@ def test_without_encounters_every_bit_is_that_of_the_map():
     assert np.array_equal(followed.v, plain.v)
 
 
+@pytest.mark.nightly
 def test_planets_that_have_exchanged_places_are_numbered_anew():
     """Two Neptunes: the order of their orbits at the start is not that after their encounters."""
     start = planets(5.15e-5, (5.0, 5.3), 0.08, seed=3)
@@ -394,6 +395,7 @@ def three_planets(days, event, *events, samples=4, **more):
     return orbits.propagate(THREE, FOLLOW, events=[event, *events], **given)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("days", "event", "changed", "pairs"),
     first(1, [

@@ -36,6 +36,7 @@ def end_of_the_pendulum():
     return in_angles(*orbits.march(angles, orbits.Gauss(8), q=start[0], v=start[1], dt=0.05, steps=80).q[-1])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("order", "steps"), first(1, [(2, (40, 160)), (4, (20, 80)), (6, (10, 40)), (8, (10, 20))]))
 def test_the_pendulum_on_the_sphere_converges_to_the_motion_in_angles_at_the_declared_order(
     order, steps, end_of_the_pendulum

@@ -56,6 +56,7 @@ def test_two_bodies_converge_and_keep_their_whole_angular_momentum():
     assert np.abs(charges - charges[:, :1]).max() < 5e-15 * np.linalg.norm(charges[:, 0])
 
 
+@pytest.mark.nightly
 def test_steps_of_many_radians_follow_a_free_body_exactly():
     rates = (0.4, 0.1, 0.9)
     q, v = rotations.start(rates)
@@ -96,6 +97,7 @@ def test_both_angular_momenta_of_a_top_in_gravity_keep_their_last_digits():
     assert np.ptp(path.energy()) < 1e-8 * abs(path.energy()[0])
 
 
+@pytest.mark.nightly
 def test_a_length_of_the_quaternion_that_moves_is_followed_as_gauss_does():
     q, v = np.array([1.0, 0.2, -0.1, 0.3]), np.array([0.3, 0.2, 0.1, 0.4])
     exact, momentum = end_of(euler_top, VERLET, q, v, 3.0, 4)

@@ -43,6 +43,7 @@ def test_the_order_is_the_declared_one_among_heavy_planets(method, n, most):
     assert errors[0] < most  # twice what was reached, at most
 
 
+@pytest.mark.nightly
 def test_a_thousand_years_of_ten_bodies_in_steps_of_a_week_are_as_accurate_as_by_collocation():
     """Against quadruple precision, in steps of 7.5 d: Mercury 0.03 km, Mars 0.006, Jupiter 0.0001 were reached; 1 km by
     (8, 6, 4) in steps of 6 d, and 3 km in steps of 10 d.
@@ -212,6 +213,7 @@ def test_it_is_certified_with_and_without_particles():
         assert found["reversibility"].holds
 
 
+@pytest.mark.nightly
 def test_steps_that_do_not_resolve_a_pericentre_are_warned_of_with_those_that_do():
     start, options = orbits.System.solar_system(), {"duration": 1 * u.yr, "samples": 2, "progress": False}
     with pytest.warns(StepWarning, match=r"Mercury passes Sun, .* fewer than 8 resonate with the motion.*dt <= 7 d"):

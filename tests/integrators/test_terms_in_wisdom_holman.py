@@ -57,6 +57,7 @@ def farthest(method, terms, start, truth, h):
     return float(np.abs(marched(method, terms, start, h, round(6 / h))[0] - truth).max())
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("star", first(1, [0, 2]))
 @pytest.mark.parametrize("name", only(["all"], STRONG))
 def test_the_map_converges_to_the_motion_by_gauss_with_the_same_terms(name, star):
@@ -261,6 +262,7 @@ def test_maps_with_terms_are_certified_with_their_particles(method):
         assert certificate[name].measured < 1e-11
 
 
+@pytest.mark.nightly
 def test_gauss_keeps_the_energy_and_the_momenta_with_all_terms():
     names = ["star", *(f"planet {k}" for k in range(3))]
     system = orbits.System(names, *bodies(particles=0), units=orbits.DIMENSIONLESS).barycentric()

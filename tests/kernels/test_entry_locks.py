@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import orbits
 
 KERNELS = """
@@ -59,6 +61,7 @@ def together(folder, *arguments):
     return [output.split() for output in outputs]
 
 
+@pytest.mark.nightly
 def test_processes_that_need_the_same_kernels_compile_each_once_and_lose_none(tmp_path):
     (tmp_path / "shared.py").write_text(KERNELS)
     compiled = together(tmp_path, ["first"], ["first"], ["second"])

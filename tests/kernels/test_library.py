@@ -16,6 +16,7 @@ print(path.q.tobytes().hex(), path.v.tobytes().hex())
 """
 
 
+@pytest.mark.nightly
 def test_a_process_that_compiles_gives_the_bits_of_one_that_loads(tmp_path):
     """The step of Gauss is called, not copied into the loop around it: its copies differed by 1e-16 in each step."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

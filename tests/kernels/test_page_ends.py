@@ -20,7 +20,7 @@ def done(name):
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-QUICK = "chosen_steps", "constant_steps"
+QUICK = ("chosen_steps",)
 """What is not compiled for these tests alone."""
 
 

@@ -39,6 +39,7 @@ def test_a_step_of_any_body_has_all_digits(name):
         assert max(missed(moments, (0.5, 0.1, -0.7, 0.5), momentum, h)) < 8e-16
 
 
+@pytest.mark.nightly
 def test_steps_over_many_periods_lose_no_more_than_the_rounding_of_the_angle():
     for moments, q, momentum in zip(*drawn(3), strict=True):
         angle = 10.0 * np.linalg.norm(momentum / moments)

@@ -118,6 +118,7 @@ def worst_error(state, dt):
     return worst
 
 
+@pytest.mark.nightly
 def test_increments_are_as_accurate_up_to_the_longest_steps_as_for_short_ones():
     state = orbits_of_all_kinds(80, 1)
     border = borders(state)
@@ -189,6 +190,7 @@ def test_rounding_of_one_step_has_no_preferred_sign(e, steps_per_period):
     assert abs(error.mean()) <= 4 * error.std() / np.sqrt(error.size)
 
 
+@pytest.mark.nightly
 @needs_extended
 @pytest.mark.parametrize(
     ("e", "steps_per_period", "rms"),

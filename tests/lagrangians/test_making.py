@@ -235,6 +235,7 @@ def test_a_wrong_use_is_an_input_error_that_says_what_is_right(case):
         use()
 
 
+@pytest.mark.nightly
 def test_kernels_by_hand_march_like_the_same_formula_in_sympy():
     by_hand = orbits.Lagrangian.from_kernels(
         {"accelerate": restoring}, coordinates=["q"], name="quartic", parameters={"k": 2.0}
@@ -326,6 +327,7 @@ print(path.q[-1, 0].hex(), sum(stats.cache_hits.values()), sum(stats.cache_misse
 """
 
 
+@pytest.mark.nightly
 def test_kernels_are_found_again_by_another_process_which_needs_no_sympy(tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
 

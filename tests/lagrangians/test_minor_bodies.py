@@ -68,6 +68,7 @@ def test_a_pair_of_minor_bodies_does_not_attract_and_all_others_do():
     assert np.abs(found - accelerations(q, set())).max() > 1e-6
 
 
+@pytest.mark.nightly
 def test_shares_of_the_accelerations_have_the_bits_of_the_whole():
     L = n_body(GM, 0.0, [minor_bodies(MINOR, len(GM))])
     q = np.zeros(3 * len(GM) + 8)
@@ -139,6 +140,7 @@ def test_a_run_is_resumed_to_the_same_bits(tmp_path):
     assert np.array_equal(resumed.q[-1].value, whole.q[-1].value)
 
 
+@pytest.mark.nightly
 def test_the_certificate_passes():
     few = system().remove(*[f"body {i}" for i in (2, 3, 6, 7, 8, 9, 10)])
     assert few.terms[0].bodies == ("body 1", "body 4", "body 5")

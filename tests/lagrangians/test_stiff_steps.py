@@ -39,6 +39,7 @@ def worst_miss(L, method, dt, q, p, steps=60, *, canonical=False):
     return max(misses)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("canonical", [False, True])
 @pytest.mark.parametrize(("g", "stages"), at((0, 3), [(500.0, 2), (1800.0, 4), (2000.0, 4), (2200.0, 6)]))
 def test_steps_so_long_that_iterations_stall_are_solved_to_the_floor_or_refused(g, stages, canonical):

@@ -25,6 +25,7 @@ def test_a_march_that_ends_at_a_time_has_the_forces_of_the_march():
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)  # the drag moves them by 1e-2
 
 
+@pytest.mark.nightly
 def test_marches_made_within_a_step_have_the_forces_of_the_march():
     """A partial step by 0.01: the drag of 1e-4 of the velocities is seen in both."""
     marcher = bound(BRAKED, "gauss", 0.02)

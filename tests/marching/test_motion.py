@@ -133,6 +133,7 @@ def test_steps_a_thousand_years_on_are_as_exact_as_the_first():
     assert np.array_equal(late[0], first[0])
 
 
+@pytest.mark.nightly
 def test_terms_that_depend_on_time_see_the_time_of_the_run_in_a_leg_that_begins_later():
     system = three().with_terms(SPIN, FLAT, Swaying()).with_forces(DRAG)
     start, how = 2.3, (orbits.Gauss(stages=8), Adaptive(tolerance=1e-3))

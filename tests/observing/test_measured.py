@@ -69,6 +69,14 @@ def test_what_is_no_measurement_is_refused():
         orbits.TransitTimes("b", [1.0, 2.0], 0.1)["c"]
 
 
+def test_times_of_measurements_are_dates_or_days_in_any_unit():
+    """Hours were taken as days."""
+    assert orbits.TransitTimes("b", [48.0, 72.0] * u.hour, 0.1).time.jd.tolist() == [2.0, 3.0]
+    for wrong in ([1.0, np.nan], ["2020-01-01", "2020-01-02"], [1.0, 2.0] * u.m):
+        with pytest.raises(InputError, match=r"time is .*; expected a Time, or finite Julian dates"):
+            orbits.TransitTimes("b", wrong, 0.1)
+
+
 def test_transits_are_counted_by_a_period_that_all_intervals_have():
     assert orbits.TransitTimes("b", 10.0 * np.array([0, 3, 6, 8, 11, 14]), 0.1).number.tolist() == [0, 3, 6, 8, 11, 14]
     with pytest.raises(InputError, match=r"intervals of the transits of 'b' are not whole numbers of one period"):

@@ -101,6 +101,7 @@ def two_planets():
     return orbits.propagate(system, duration=500.0, samples=201)
 
 
+@pytest.mark.nightly
 def test_each_body_has_a_scale_of_its_own_where_a_common_one_would_flatten_its_changes(two_planets):
     figure = seen.laid_out(two_planets.plot("elements", elements=("a", "e")))
     panels = np.array(figure.axes).reshape(2, 2)
@@ -278,6 +279,30 @@ def test_a_body_that_moves_straight_towards_the_primary_at_a_sample_has_no_eleme
     assert np.isfinite(values[1:]).all()
 
 
+def test_angles_that_go_round_are_within_the_panel_and_events_are_marked_on_them() -> None:
+    """M and f from -180 to 0 were below it. At a pericentre M is 0, between samples at 357 and 1 degrees."""
+    bodies = {"s": {"gm": 1.0}, "p": {"a": 1.0, "e": 0.3, "M": 1.0}}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    run = orbits.propagate(system, duration=20.0, samples=401, events=orbits.events.Pericentre("p"))
+    (axes,) = run.plot("elements", elements=["M"]).axes
+    drawn = axes.lines[0].get_ydata()
+    assert (np.nanmin(drawn) > 0.0, np.nanmax(drawn) < 360.0, axes.get_ylim()) == (True, True, (-10.0, 370.0))
+    marked = np.array([line.get_ydata()[0] for line in axes.lines if line.get_marker() == "^"])
+    assert len(marked) == len(run.events) == 3
+    # Of Kepler's motion, M is linear in time: to rounding of the elements.
+    np.testing.assert_allclose((marked + 180.0) % 360.0, 180.0, atol=1e-9)
+
+
+def test_events_have_the_time_of_the_samples_in_a_picture_of_energy_also_from_the_end_on() -> None:
+    """In days on an axis of years, as the last of the samples was at 0."""
+    system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Mars", "Jupiter"])
+    run = orbits.propagate(system, dt="5 d", duration="9 yr", samples=9, events=orbits.events.Pericentre("Mars"))
+    axes = run[::-1].plot("energy").axes[0]
+    lines = {line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 2}
+    assert sorted(lines) == pytest.approx(run.events.time.to_value(u.yr))
+
+
+@pytest.mark.nightly
 def test_a_picture_of_energy_says_how_many_events_it_has_no_lines_for(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("orbits.plotting.errors_over_time.MOST_EVENTS", 2)
     system = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Mars", "Jupiter"])

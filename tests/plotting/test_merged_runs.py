@@ -10,7 +10,7 @@ import orbits
 from orbits.errors import InputError
 from orbits.plotting import arcs
 
-from .runs import MERGING
+from .runs import MERGING, about_a_star
 
 MERGED_AT = 10.37
 
@@ -58,3 +58,18 @@ def test_a_body_that_is_in_no_sample_is_refused_by_name(run) -> None:
 def test_the_last_state_that_is_drawn_has_the_masses_of_then(run) -> None:
     assert arcs.last_state(run).values.gm.tolist() == [1.0, 0.0, 3e-6, 0.0]
     assert arcs.last_state(run[:20]).values.gm.tolist() == [1.0, 1e-6, 2e-6, 0.0]
+
+
+def test_a_retired_particle_has_no_disc_at_the_end_and_is_none_of_the_points() -> None:
+    """Its last place was drawn as if it were there at the end."""
+    belt = {f"rock {k}": {"a": 2.0 + 0.001 * k, "M": 0.1 * k} for k in range(40)}
+    for bodies in ({"near": {"a": 1.0}, "far": {"a": 2.0}}, belt):
+        whole = about_a_star(bodies, np.linspace(0.0, 60.0, 50))
+        q, v = whole.q.value.copy(), whole.v.value.copy()
+        q[20:, 1] = v[20:, 1] = np.nan
+        run = orbits.Trajectory(whole.system, whole.times, q, v, step=1.0, integrator=whole.integrator)
+        figure = run.plot()
+        points = [line.get_xydata() for line in figure.axes[0].lines if line.get_marker() in ("o", ".")]
+        assert not np.isin(np.concatenate(points), q[19, 1, :2]).any()
+        last = 1 if len(bodies) == 2 else 39
+        assert sum(np.isin(part[:, 0], q[-1, 2:, 0]).sum() for part in points) == last

@@ -201,6 +201,7 @@ def test_a_long_title_is_broken_into_lines_that_end_before_the_next_panel(kind):
     assert any(" ".join(text.split()) == NAME_OF_A_METHOD.strip() for text in seen.texts(figure))
 
 
+@pytest.mark.nightly
 def test_the_long_title_of_a_report_is_whole():
     report = make(NINE, NINE)
     figure = seen.laid_out(picture(replace(report, settings={**report.settings, "title": NAME_OF_A_METHOD})))
@@ -220,6 +221,7 @@ def test_the_offset_of_an_axis_is_in_its_label():
     assert eccentricity.get_label_text() == "eccentricity e\n− 0.2864788976 [10⁻¹³]"
 
 
+@pytest.mark.nightly
 def test_paths_follow_the_motion_within_the_steps_where_samples_are_more_than_a_revolution_apart():
     """A planet of the year 1 with samples 7.5 apart, on an ellipse; three bodies on an eight, with five samples."""
     bodies = {"star": {"gm": 1.0}, "planet": {"a": 1.0, "e": 0.6, "gm": 0.0}}

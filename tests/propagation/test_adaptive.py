@@ -213,6 +213,7 @@ def test_a_clock_that_no_run_has_is_refused_by_the_archive(tmp_path):
         from_items({**items, "@clock": "nonsense"})
 
 
+@pytest.mark.nightly
 def test_a_run_without_dt_becomes_an_spk_file_through_an_encounter(tmp_path):
     start = apophis_2029()
     light = np.where(start.values.gm > 0.0, start.values.gm, 1e-30)

@@ -85,6 +85,7 @@ def truth(request):
         return request.param, np.array([float(x) for x in motion(1)])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("integrator", "steps"),
     at((2,), [
@@ -150,6 +151,7 @@ def test_a_term_that_depends_on_time_moves_all_by_what_it_is(particle):
     assert "no energy to keep" in str(run.drift())
 
 
+@pytest.mark.nightly
 def test_time_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_taken_up_again():
     system = three(**PARTICLE).with_terms(SPIN, FLAT, Swaying()).with_forces(DRAG)
     run = march(system, orbits.Gauss(stages=8), duration=4.0, samples=5)
@@ -380,6 +382,7 @@ def test_the_weights_of_a_step_sum_to_its_length_exactly_so_that_what_nothing_pu
         assert np.max(np.abs(table[HB, : len(method.tableau.b)] - h * method.tableau.b)) < 4 * EPS * abs(h)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("bodies", first(1, [["outer", "p"], None]), ids=str)
 def test_motion_under_drag_is_the_same_in_the_frame_of_the_barycentre(bodies):
     """The medium is seen from there too. After a time of 20: 2e-14 apart; 0.05 or more with the medium as it was."""

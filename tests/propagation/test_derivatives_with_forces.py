@@ -135,6 +135,7 @@ def difference(ends, h):
 TERMS = ZonalHarmonics("star", J2=0.01, radius=R, pole=POLE), FrameDragging("star", spin=0.02, pole=POLE, c=3.0)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("terms", first(1, [[], [*TERMS]]), ids=["without terms", "with terms"])
 def test_every_registered_force_has_derivatives_by_the_start_and_by_its_parameters(terms):
     """All examples at once, which are compiled for what forces take too, by differences in float64, whose rounding is
@@ -176,6 +177,7 @@ def test_a_parameter_of_value_0_has_its_derivative():
     assert np.abs(by[0] - by[1]).max() < 1e-5 * np.abs(by[0]).max()
 
 
+@pytest.mark.nightly
 def test_a_parameter_that_is_an_orbit_and_no_force_leaves_the_matrix_symplectic_to_round_off():
     stm = transition(bodies(), parameters=["a.gm", "star.gm"], duration=4.0)
     plain = transition(bodies(), duration=4.0)

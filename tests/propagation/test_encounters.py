@@ -71,6 +71,7 @@ def close(found: np.ndarray, known: np.ndarray) -> float:
     return float(np.abs((found - known) / np.outer(scale, scale)).max())
 
 
+@pytest.mark.nightly
 def test_the_ellipse_is_the_spread_of_runs_from_displaced_starts() -> None:
     C, middle = some_covariance(), orbits.target_plane(run(), "Earth").date
 

@@ -250,3 +250,16 @@ def test_an_entry_after_the_tables_of_the_earth_warns_once_in_words() -> None:
         warnings.simplefilter("always")
         str(orbits.entry(orbits.propagate(later, duration=2 * u.day, samples=2)))
     assert {one.category.__name__ for one in caught} == {"OrbitsWarning"}
+
+
+def test_a_height_that_was_passed_long_before_the_approach_is_found() -> None:
+    """Beyond 0.25 days it was said that the body is below at the start of the run."""
+    for altitude in (400_000.0, 900_000.0):
+        place = orbits.entry(fall(), altitude=altitude * u.km)
+        state = fall().at(place.date.tdb)
+        apart = np.linalg.norm((state.q[state.index("rock")] - state.q[state.index("Earth")]).to_value(u.km))
+        assert apart - altitude == pytest.approx(6367.0, abs=12.0)  # the ellipsoid's radii
+    with pytest.raises(InputError, match="rock is below at the start of the run"):
+        orbits.entry(fall(), altitude=2e6 * u.km)
+    with pytest.raises(InputError, match="altitude must be finite"):
+        orbits.entry(fall(), altitude=np.nan * u.km)

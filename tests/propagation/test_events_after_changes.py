@@ -69,6 +69,7 @@ def test_what_an_action_takes_through_zero_stops_the_run_but_does_not_act():
     assert stopped.events.kind.tolist() == ["pericentre", "e rises above 0.6", "e rises above 0.55"]
 
 
+@pytest.mark.nightly
 def test_a_resumed_run_lists_what_an_action_takes_through_zero_once(tmp_path):
     events = orbits.events.Pericentre("p", then=kicked), orbits.events.ElementCrossing("p", "e", 0.6)
     whole = propagate(20.0, *events)

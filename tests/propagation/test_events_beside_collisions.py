@@ -337,6 +337,7 @@ def test_a_function_that_fails_after_a_collision_keeps_what_was_found_before() -
     assert caught.value.trajectory.events.kind.tolist() == ["closer than 1", "merger"]
 
 
+@pytest.mark.nightly
 def test_events_go_on_after_a_body_with_a_term_of_its_own_is_gone() -> None:
     flat = orbits.terms.ZonalHarmonics("b", radius=0.05, J2=1e-3, pole=[0, 0, 1])
     events = [MERGE, CloserThan(1.0, "a", "b"), CloseApproach("p")]

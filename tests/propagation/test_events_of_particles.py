@@ -23,7 +23,7 @@ from orbits.propagation.resuming import sample_store
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 from orbits.trajectory.events import NUMBER
 
-from ..coverings import cover
+from ..coverings import cover, first
 
 BODIES = ["Sun", "Mercury", "Venus", "Earth", "Moon", "Mars", "Jupiter", "Saturn", "Uranus", "Neptune"]
 APOPHIS = {
@@ -167,7 +167,7 @@ def one_by_one(patch):
     patch.setattr("orbits.propagation.events.search.of_particles.TOGETHER", 1)
 
 
-@STEPS
+@pytest.mark.parametrize("dt", first(1, [None, 0.02]), ids=["adaptive", "constant"])
 def test_what_is_sought_between_few_of_many_samples_is_all_that_there_is_to_the_bit(dt, monkeypatch):
     sought_between, real = [], ParticleSearches._one
     monkeypatch.setattr(ParticleSearches, "_one", lambda *given: sought_between.append(0) or real(*given))
@@ -182,6 +182,7 @@ def test_what_is_sought_between_few_of_many_samples_is_all_that_there_is_to_the_
     same(together, sought(SEVERAL, **options).events)
 
 
+@pytest.mark.nightly
 def test_events_on_a_rough_motion_do_not_depend_on_when_an_archive_is_written(tmp_path, monkeypatch):
     """Elements along kicks and drifts turn with the phase of the step, from sample to sample of another one."""
     bodies = orbits.System(

@@ -190,6 +190,7 @@ def test_functions_that_differ_have_descriptions_that_differ(case: str) -> None:
     assert "0x" not in str(one)
 
 
+@pytest.mark.nightly
 def test_a_description_is_the_same_in_another_process() -> None:
     code = "from tests.propagation.test_functions_of_users import *; print([*map(description, (faster, Burn(2.0)))])"
     other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout

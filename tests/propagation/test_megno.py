@@ -50,6 +50,7 @@ def chaotic():
     return sim.megno(), orbits.megno(system, duration=1.5e4, samples=16)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("method", "dt"),
     at((2, 3), [
@@ -88,6 +89,7 @@ def test_chaotic_planets_in_a_map_keep_the_bound_of_rebounds_test():
     assert np.mean(found) > 50.0  # seen: 88 and 115 or more
 
 
+@pytest.mark.nightly
 def test_until_they_meet_such_planets_have_the_megno_of_rebounds_planets():
     """After 200 revolutions, by maps, by collocation, and by WHFast from six random vectors."""
     sim, system = two_planets([1.0, 1.17 ** (2 / 3)], 0.0, 1e-4)
@@ -190,6 +192,7 @@ def a_star_and_a_planet():
     return system.add("J", gm=1e-3, a=1.0, e=0.05)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", MAPS, ids=lambda kind: kind[1])
 def test_vectors_of_particles_eight_at_a_time_are_those_of_one_among_planets(kind):
     """Against the particle as a planet whose mass moves nothing, by other kernels and to the same start."""

@@ -184,6 +184,7 @@ def test_distance_and_time_of_a_passage_are_as_good_as_the_orbit(apophis, direct
     assert abs(q @ v) < 1e-8 * np.linalg.norm(q) * np.linalg.norm(v)
 
 
+@pytest.mark.nightly
 def test_every_flyby_of_a_body_is_listed_and_the_revolutions_of_its_moon_are_not():
     """A planet overtakes a stone on an orbit outside its own, again and again; a moon goes round it all the while."""
     bodies = {

@@ -99,6 +99,7 @@ def advance(masses, c2, term=PostNewtonian):
     return np.arctan2(x[1], x[0]) / (6 * np.pi * M / (c2 * (1 - e * e))), times[-1]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("masses", "second"), [((1.0, 1e-13), -7.646), ((0.5, 0.5), -6.153)], ids=["light", "equal"])
 def test_the_periastron_advances_by_the_first_order_and_its_known_second_one(masses, second):
     """Of the truncated Lagrangian; a and e osculate at the pericentre by the velocity. Over three decades of c^2."""
@@ -224,6 +225,7 @@ def figure(body="inner", **changes):
     return DegreeTwo(body, **{**given, **changes})
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("integrator", first(1, [METHOD, orbits.StormerVerlet()]))
 def test_a_moon_whose_long_axis_points_to_its_planet_keeps_energy_and_angular_momentum_about_its_pole(integrator):
     system = three(**particles(3)).with_terms(figure())

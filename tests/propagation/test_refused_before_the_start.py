@@ -223,6 +223,7 @@ def test_particles_that_start_beside_a_planet_are_told_before_the_start_or_refus
         orbits.propagate(start.remove("m1"), method, **options)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("flat", first(1, [True, False]))
 def test_with_terms_of_any_kind_they_are_sent_to_steps_of_their_own(flat):
     oblate = orbits.terms.ZonalHarmonics("Sun", J2=2e-7, radius=696000 * u.km, pole=(286.13, 63.87) * u.deg)

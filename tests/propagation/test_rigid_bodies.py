@@ -173,6 +173,7 @@ def run(moons):
     return run_of(moons)
 
 
+@pytest.mark.nightly
 def test_a_massless_top_turns_as_one_with_a_mass_that_moves_nothing(moons, run):
     gm = np.where(np.array(moons.names) == "Hyperion", 1e-30, moons.values.gm)
     heavy = run_of(moons.replaced(gm=gm))
@@ -190,6 +191,7 @@ def test_a_spherical_top_turns_freely_and_all_else_moves_as_without_it():
         assert np.abs(np.exp(1j * (turned - free.times)) - 1.0).max() < 3e-14  # 60 rad, 24,480 rotations; 4.7e-15
 
 
+@pytest.mark.nightly
 def test_a_moon_of_an_oblate_planet_precesses_as_by_its_zonal_harmonic(moons):
     """The second degree of an axisymmetric body that spins is J2 = (C - A)/(m R^2): two ways to one orbit."""
     spin = 812 * u.deg / u.day

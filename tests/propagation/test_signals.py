@@ -57,6 +57,7 @@ def test_a_loop_that_goes_on_after_failed_runs_ends_with_ctrl_c():
     assert (str(again), len(again.trajectory)) == (str(caught.value), 1)
 
 
+@pytest.mark.nightly
 def test_the_suite_does_not_depend_on_signals_that_its_process_inherited_as_ignored():
     """As under `nohup make test &`, and on many runners: a test that sends signals, where they are ignored."""
     tests = [__file__ + "::test_handlers_of_other_programs_are_left_alone_and_those_of_python_are_put_back"]

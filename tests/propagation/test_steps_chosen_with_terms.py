@@ -101,6 +101,7 @@ def test_bodies_and_particles_go_as_with_a_short_dt():
     assert off[3:].max() < 3e-13
 
 
+@pytest.mark.nightly
 def test_particles_are_retired_and_the_others_change_no_bit():
     falls = {"falls": (0.0, [0.5, 0.5, 0.0], [0.0, 0.0, 0.0])}
     start = three(**PARTICLE, **falls).with_terms(SPIN, FLAT, SWAY).with_forces(DRAG)

@@ -252,6 +252,7 @@ def test_archives_of_a_list_are_extended_to_the_bits_of_a_longer_run(tmp_path):
         orbits.resume([])
 
 
+@pytest.mark.nightly
 def test_a_list_that_is_interrupted_can_be_resumed_to_the_same_bits(tmp_path):
     systems = [giants(k) for k in range(3)]
     options = {"dt": "4 d", "duration": "30000 yr", "samples": 4}

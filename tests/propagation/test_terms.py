@@ -66,6 +66,7 @@ def test_terms_with_different_poles_keep_no_angular_momentum_and_the_drift_says_
     assert "angular momentum is not conserved: terms have different poles" in str(drift)
 
 
+@pytest.mark.nightly
 def test_an_equatorial_satellite_stays_on_the_circle_that_the_field_allows():
     r, J2, radius = 1.3, 0.05, 0.5
     speed = np.sqrt((1 + 1.5 * J2 * (radius / r) ** 2) / r)

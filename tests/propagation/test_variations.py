@@ -36,7 +36,7 @@ MAPS = [
 ]
 METHODS = [*(m for kind in registry().values() for m in kind.examples() if m.serves(newtonian)), *MAPS]
 HELIOCENTRIC = orbits.WisdomHolman(coordinates="democratic-heliocentric")
-KINDS = [*(label for label in STANDARD if not label.startswith("Lobatto")), "RungeKutta4()", HELIOCENTRIC.label]
+KINDS = [*(label for label in STANDARD if not label.startswith("Lobatto")), "RungeKutta4()"]
 """One method of each kind of tangent maps."""
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # central differences of eighth order
 

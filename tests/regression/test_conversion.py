@@ -289,6 +289,14 @@ def test_heavy_test_particles_of_type_1_are_minor_bodies_there_and_back():
     back = to_rebound(system)
     assert (back.N_active, back.testparticle_type) == (1, 1)
     assert [p.m for p in back.particles] == [p.m for p in sim.particles]
+
+
+@pytest.mark.nightly
+def test_heavy_test_particles_of_type_1_move_as_minor_bodies():
+    sim = plain()
+    sim.add(m=2e-3, x=2.0, vy=0.7, name="other")
+    sim.N_active, sim.testparticle_type = 1, 1
+    system = from_rebound(sim)
     sim.integrate(5.0)
     run = orbits.propagate(system, orbits.Gauss(stages=8), dt=0.05, duration=5.0, samples=2)
     # Both are exact to round-off; the attraction of the two would move them by 1e-3.

@@ -76,6 +76,7 @@ def test_the_parabola_agrees_with_barkers_equation_in_every_bit():
     np.testing.assert_array_equal(measured.q[:, 1, :2], expected)
 
 
+@pytest.mark.nightly
 def test_two_massive_bodies_agree_with_a_taylor_integration_of_their_equations():
     gm = np.array([1.0, 0.25])
     q, v = np.array([[0.1, 0.2, 0.3], [1.3, 0.0, -0.2]]), np.array([[0.05, -0.2, 0.01], [0.1, 0.9, 0.3]])
@@ -143,6 +144,7 @@ def ten_bodies():
     return system, days, high, low
 
 
+@pytest.mark.nightly
 def test_the_converged_reference_solution_is_as_good_as_it_says_against_quadruple_precision(ten_bodies):
     system, days, high, low = ten_bodies
     times = np.append(0.0, days)

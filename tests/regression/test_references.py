@@ -31,6 +31,7 @@ def test_rotations_are_orthogonal_without_any_rounding(references):
         assert np.dot(np.cross(x[0], x[1]), x[2]) == 1
 
 
+@pytest.mark.nightly
 def test_where_a_rounded_rotated_start_leads_is_known_to_more_digits_than_its_rounding_costs(references):
     # Star and planet, 3,000 orbits: both ends are known exactly.
     gm, span = np.array([1.0, 1e-3]), 3000 * 2 * math.pi

@@ -35,6 +35,7 @@ def seen_at_readers_size(path):
     return width >= 1300 and height >= 800
 
 
+@pytest.mark.nightly
 def test_trojans_librate_with_the_centres_and_periods_of_theory(tmp_path, monkeypatch):
     outcome = perform(trojans(monkeypatch), out=tmp_path)
     assert outcome.ok, outcome.failures

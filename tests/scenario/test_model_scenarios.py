@@ -56,6 +56,7 @@ def test_a_scenario_that_expects_another_angle_fails(monkeypatch):
     assert seen_at_readers_size(result.figures["mercury"]())
 
 
+@pytest.mark.nightly
 def test_each_rung_of_the_ladder_has_one_thing_more():
     rungs = parts("de440")["ladder"]()
     bodies = [len(system) for system in rungs.values()]

@@ -343,6 +343,7 @@ def test_an_archive_says_its_scenario_and_options_also_when_it_is_extended(tmp_p
     assert "scenario pair, a=2.0, fine=no" in str(orbits.verify(tmp_path / "run.h5"))
 
 
+@pytest.mark.nightly
 def test_certificates_say_the_options_and_take_their_dt(tmp_path) -> None:
     outcome = certify_scenario(pair().with_options(fine=True), out=tmp_path)
     assert outcome.certified[0].certificate.dt == 0.0625

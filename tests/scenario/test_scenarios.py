@@ -108,6 +108,7 @@ def without_dt(name, monkeypatch, **changes):
     return scenario
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("name", "claims"), first(1, [("pythagorean", 4), ("close_encounter", 6)]))
 def test_each_bundled_scenario_without_dt_shortened_gives_all_that_it_demands(name, claims, tmp_path, monkeypatch):
     scenario = without_dt(name, monkeypatch)
@@ -193,6 +194,7 @@ def test_a_scenario_file_runs_as_a_program_of_its_own(tmp_path):
     assert not list(tmp_path.rglob("*.png"))
 
 
+@pytest.mark.nightly
 def test_steps_and_durations_in_words_are_the_same_for_run_comparison_and_certificate(tmp_path):
     scenario = pair(dt="P/100", duration="2", against=("ias15",), tolerances={"energy": 1e-9})
     outcome = perform(scenario, out=tmp_path, plot=False)
@@ -224,6 +226,7 @@ def test_a_method_that_needs_a_dt_is_refused_before_any_run(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.nightly
 def test_a_scenario_without_dt_is_certified_with_a_step_only(tmp_path):
     for dt in (None, orbits.Adaptive(1e-8)):
         with pytest.raises(InputError, match=r"'pair' has adaptive steps.*--dt"):

@@ -601,6 +601,7 @@ def test_a_picture_of_somebody_else_is_kept(tmp_path):
     assert (tmp_path / "mine.png").read_text() == "my picture"
 
 
+@pytest.mark.nightly
 def test_certifying_a_study_takes_its_own_starts_and_one_method_on_each_problem_once(tmp_path):
     methods = [orbits.StormerVerlet(), orbits.methods.ExplicitEuler()]
     kepler = orbits.lagrangians.kepler

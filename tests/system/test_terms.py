@@ -223,6 +223,7 @@ def test_what_cannot_act_is_refused_in_words(system, make, message):
         make(system)
 
 
+@pytest.mark.nightly
 def test_motion_too_fast_for_the_first_order_of_relativity_is_refused_before_a_run():
     units, c = orbits.DIMENSIONLESS, 9.0
     system = orbits.System(["a", "b"], [1, 0.1], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]], units=units)

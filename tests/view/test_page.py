@@ -18,6 +18,8 @@ from typer.testing import CliRunner
 import orbits
 from orbits.cli import app
 from orbits.elements import to_frame
+from orbits.plotting.arcs import last_state
+from orbits.plotting.histories import histories
 from orbits.viewing import page as pages
 from orbits.viewing.data import Thinning, ViewData
 from orbits.viewing.layout import Layout
@@ -118,6 +120,21 @@ def test_bodies_that_merge_are_no_centres_and_elements_have_the_masses_after_it(
     assert sum(after) == pytest.approx(sum(before), rel=1e-15)
     assert after[names.index(gone)] == 0.0
     assert any(event["kind"] == "collision" for event in found["chunk"]["events"]["list"])
+
+
+def test_orbits_about_a_star_that_loses_mass_are_of_the_mass_of_their_time_on_the_page_and_in_pictures() -> None:
+    """As `run.elements()`: with the mass of the start, e = 0.1 rose to 0.24 in pictures, and on the page."""
+    system = orbits.System.from_elements({"S": {"mass": 1 * u.M_sun}, "p": {"a": 1 * u.au, "e": 0.1}})
+    losing = system.with_forces(orbits.terms.MassLoss(fraction=-1e-2 / u.yr))
+    run = orbits.propagate(losing, duration=20 * u.yr, samples=5, progress=False)
+    known = histories(run, [1], ("a", "e"), primary=0, frame=None, kind="elements")
+    for name in ("a", "e"):
+        np.testing.assert_array_equal(known[name], getattr(run.elements(), name).value)
+    gm = losing.gm.value * np.array([1.0, 0.0])
+    np.testing.assert_allclose(last_state(run).values.gm, 0.8 * gm, rtol=1e-15)
+    times, masses = zip(*data_of(orbits.view(run, show=False).html())["chunk"]["masses"], strict=True)
+    np.testing.assert_array_equal(times, run.times)
+    np.testing.assert_allclose(masses, np.outer([1.0, 0.95, 0.9, 0.85, 0.8], gm), rtol=1e-15)
 
 
 def test_another_run_under_the_same_name_is_not_mixed_with_the_first(tmp_path: Path) -> None:

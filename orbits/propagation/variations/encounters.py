@@ -9,7 +9,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.body_names import index_of
-from orbits.checks import positive_number
+from orbits.checks import finite_number, positive_number
 from orbits.elements.target_plane import OnPlane, on_target_plane
 from orbits.ephemeris import AU_KM
 from orbits.errors import InputError, shown
@@ -33,9 +33,9 @@ FREE, WITHIN = 1e-6, 1e-3
 """The least share of the kinetic energy that is left at infinity on a hyperbola that has a target plane: beside the
 Earth, 11 m/s. And the largest part of it by which a displaced state may differ."""
 
-POINTS, ROUNDS, BEFORE, NODES = 33, 2, 0.25, 6
-"""A crossing is sought between so many states, so often, in the last days before the closest approach, and then by a
-polynomial through these states."""
+POINTS, BEFORE, FINE, NODES = 33, 0.25, 0.01, 6
+"""A crossing is sought between so many states, in the last days before the closest approach and, if it was earlier, in
+ever more of them, until the states are within so many days, and then by a polynomial through these states."""
 
 RADII = {
     "Sun": 695700.0,
@@ -158,7 +158,7 @@ def entry(
     run, given, body, _ = _subject(orbit, "Earth", covariance, body, until)
     system = run.system
     try:
-        low = float(u.Quantity(altitude).to_value(u.km))
+        low = finite_number(u.Quantity(altitude).to_value(u.km), "altitude")
     except (u.UnitConversionError, TypeError) as error:
         raise InputError(f"altitude is {shown(altitude)}; expected a length, such as 100 * u.km.") from error
     scale = u.Quantity(1.0, system.units.length).to_value(u.km)
@@ -266,16 +266,23 @@ def _relative(run: Trajectory, body: str, planet: str, times: Array) -> tuple[Ar
 
 def _crossing(run: Trajectory, body: str, planet: str, time: float, function: Any) -> float:
     """Return the last time before another one at which a function of times and relative positions comes down to 0."""
-    width = min(u.Quantity(BEFORE, u.day).to_value(run.system.units.time), abs(time))
+    day = float(u.Quantity(1.0, u.day).to_value(run.system.units.time))
+    width = min(BEFORE * day, abs(time))
     last, first = time, time - width * run.clock.direction
-    for _ in range(ROUNDS):
+    while True:
         times = np.linspace(first, last, POINTS)
         values = function(times, _relative(run, body, planet, times)[0])
         above = np.flatnonzero(values > 0.0)
-        if not len(above):
+        if len(above):
+            k = int(above[-1])
+            if abs(last - first) <= FINE * day:
+                break
+            first, last = times[k], times[k + 1]
+        elif width < abs(time):
+            width = min(2.0 * width, abs(time))
+            first = time - width * run.clock.direction
+        else:
             raise InputError(f"{body} is below at the start of the run; expected one that begins before the encounter.")
-        k = int(above[-1])
-        first, last = times[k], times[k + 1]
     use = slice(max(0, k - NODES // 2 + 1), max(0, k - NODES // 2 + 1) + NODES)
     x, y = times[use], values[use]
     same = np.eye(len(y), dtype=bool)
