@@ -1,8 +1,11 @@
-"""`PointMasses`: the state of point masses as floats, in any consistent system of units."""
+"""`PointMasses`: the state of point masses as floats, in any consistent system of units; their masses as forces change
+them.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,3 +29,10 @@ class PointMasses(NamedTuple):
         """Which bodies have a mass, (n,)."""
         massive: NDArray[np.bool_] = self.gm > 0.0
         return massive
+
+
+def masses_at(t: Any, forces: Iterable[Any], gm: Array, names: Sequence[str], units: Any) -> Array:
+    """Return the GM of the bodies of a system at times t since its epoch, (..., bodies), with the sum of what each of
+    its forces has changed by then; gm : without these.
+    """
+    return np.asarray(gm + sum(force.masses(gm, names, t, units) - gm for force in forces))

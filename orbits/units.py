@@ -346,6 +346,12 @@ def date_text(time: Time, digits: int | None = None, between: str = " ") -> str:
     return str(time.isot)[:digits].replace("T", between)
 
 
+def told_apart(*numbers: float, digits: int = 6) -> list[str]:
+    """Return numbers as text, with as many digits as tell different ones apart, and at least `digits`."""
+    ways = ([f"{x:.{k}g}" for x in numbers] for k in range(digits, 18))
+    return next(texts for texts in ways if len(set(texts)) >= len(set(numbers)))
+
+
 def written(times: Time) -> Time:
     """Return dates in a format in which they can be written: Julian years, if some lie outside those of calendars."""
     dates = times.jd

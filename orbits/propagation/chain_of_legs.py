@@ -94,7 +94,9 @@ class ChainOfLegs(March):
 
     def accounts(self) -> Array:
         """Return the time integrals of each force up to the state returned last; see `Leg.accounts`."""
-        return self._work + self._leg.accounts()
+        work = self._work.copy()
+        work[self.bodies.acting()] += self._leg.accounts()
+        return work
 
     def state(self) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3); NaN for bodies that are gone."""
@@ -190,7 +192,7 @@ class ChainOfLegs(March):
         if self._grid >= 0 and self._leg.step:
             if self._seeks:
                 self._events.of_bodies.flush()
-            self._work = self._work + self._leg.accounts()
+            self._work = self.accounts()
             step, self._grid = self._grid + 1, -1
             self._follow(self.bodies.march(*self._leg.state(), self.clock), self._leg, step, self.time)
 
@@ -200,7 +202,7 @@ class ChainOfLegs(March):
     def _begin_leg(self, time: float, state: State) -> None:
         """Go on from a changed state at a time in the next step."""
         self.changed = True
-        self._work = self._work + self._leg.accounts()
+        self._work = self.accounts()
         if self._contacts is not None:
             self._contacts.forget()
         grid, lost = self._grid if self._grid >= 0 else self._leg.step, self._leg

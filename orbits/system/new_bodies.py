@@ -13,6 +13,7 @@ from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
 from orbits.body_names import BOTH, checked_names, few
 from orbits.errors import EpochError, InputError, UnknownNameError, shown, with_unit
+from orbits.point_masses import masses_at
 from orbits.system import state_checks
 from orbits.units import UnitSystem, as_epoch
 
@@ -170,10 +171,7 @@ def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) 
 
 def _masses(system: System) -> Floats:
     """Return the GM of the bodies at the epoch, which forces may have changed."""
-    gm = system.values.gm
-    for force in system.forces:
-        gm = force.masses(gm, system.names, 0.0, system.units)
-    return gm
+    return masses_at(0.0, system.forces, system.values.gm, system.names, system.units)
 
 
 def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> State:

@@ -17,6 +17,7 @@ from orbits.elements import FRAMES, elements_from_state, to_frame
 from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
 from orbits.export import MOST_ROWS, Labelled, Tabled, Tabular, Variable, headed
+from orbits.point_masses import masses_at
 from orbits.system import new_bodies, presenting
 from orbits.units import UnitSystem
 
@@ -172,8 +173,7 @@ def osculating(
     if around in new_bodies.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
     times = np.asarray(t, dtype=np.float64)
-    for force in forces:
-        gm = force.masses(gm, names, times, units)
+    gm = masses_at(times, forces, gm, names, units)
     if around == new_bodies.JACOBI:
         bodies, centre_gm, centre_q, centre_v = _before(names, gm, q, v)
         two_body_gm = centre_gm + gm[..., bodies]

@@ -18,7 +18,7 @@ from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.time_grid.reading import is_date, snapped, times_since
 from orbits.time_grid.step_length import step_length
-from orbits.units import quantity_from_text
+from orbits.units import quantity_from_text, told_apart
 
 if TYPE_CHECKING:
     from orbits.protocols import State
@@ -276,8 +276,9 @@ def _sample_times(system: State, samples: Any, duration: float) -> Array:
     outside = np.flatnonzero((times * direction < 0.0) | (times * direction > abs(duration)))
     if outside.size:
         k = outside[0]
+        time, end = told_apart(times[k], duration, digits=10)
         raise InputError(
-            f"samples[{k}] = {times[k]:.10g} lies outside the run from 0 to {duration:.10g} "
+            f"samples[{k}] = {time} lies outside the run from 0 to {end} "
             f"(times count from the epoch, in {str(system.units.time) or 'units of time'})"
         )
     disorder = np.flatnonzero(np.diff(times) * direction <= 0.0)

@@ -366,6 +366,21 @@ def test_work_of_forces_is_accounted_for_over_legs() -> None:
     assert run.drift().energy.max_fraction < 1e-12
 
 
+def test_work_of_forces_stays_with_them_where_the_bodies_of_one_are_all_gone() -> None:
+    """It was added to that of other forces, or ended the run with an error of NumPy."""
+    near, far, heavy = ([x, 0.0, 0.0] for x in (-0.1, 0.1, 10.0))
+    names, places, still = ["a", "b", "c"], [near, far, heavy], np.zeros((3, 3))
+    system = orbits.System(names, [1e-3, 2e-3, 1.0], places, still, radii=[0.03] * 3, units=D)
+    rates = (("a", 0.3), (None, 0.1), ("b", 0.2))
+    forces = [orbits.terms.Drag(rate=rate, bodies=None if body is None else [body]) for body, rate in rates]
+    system = system.with_forces(*forces)
+    run = orbits.propagate(system, dt=0.05, duration=4.0, samples=5, events=MERGE, check_step=False)
+    assert run[-1].forces == (system.forces[1], system.forces[2])
+    on_lost = run.work()[0].work.value
+    assert on_lost[-1] == on_lost[-2] != 0.0
+    assert run.drift().linear_momentum.max_fraction < 1e-14
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

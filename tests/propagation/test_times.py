@@ -76,6 +76,7 @@ def test_an_end_before_the_epoch_goes_backwards_whatever_the_sign_of_the_step():
         ({"until": datetime.datetime(2030, 1, 1)}, r"does not say its scale of time; expected a Time.*scale='utc'"),
         ({"until": np.ma.array([1.0])}, "masked"),
         ({"duration": 10, "samples": ["2022-08-10", "tomorrow"]}, "tomorrow"),
+        ({"duration": 10, "samples": [10.00000000001]}, r"samples\[0\] = 10\.00000000001 lies .* from 0 to 10 "),
         ({"duration": 10, "samples": [5, "2022-09-30"]}, r"samples\[1\] = 52 lies outside the run from 0 to 10"),
         ({"duration": 10, "samples": "5 d"}, r"a single time is \[time\]"),
     ],
@@ -186,6 +187,7 @@ def test_states_are_asked_for_by_dates_too():
     assert len(run.at([])) == 0
     for wrong, message in (
         ([10.0, 401.0], r"t\[1\] = 401 lies outside the run, 0 ... 400 d"),
+        (400.00000001, r"t = 400\.00000001 lies outside the run, 0 ... 400 d"),  # 400 in ten digits
         (np.nan, "t = nan lies outside"),
         ("2021-01-01", "t = -585 lies outside"),
         ([[1.0]], r"t has shape \(1, 1\)"),

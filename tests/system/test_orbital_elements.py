@@ -130,3 +130,11 @@ def test_elements_are_of_the_mass_that_a_star_has_left(primary: str) -> None:
         # A few roundings, which e of 0.2 multiplies: 3e-15 seen.
         np.testing.assert_allclose(found.a.value, 5.0, rtol=1e-14)
         np.testing.assert_allclose(found.e.value, 0.2, rtol=1e-14)
+
+
+def test_two_losses_of_a_star_add_up_in_elements_as_they_do_in_the_force() -> None:
+    """They were multiplied."""
+    losses = MassLoss(fraction=-0.25, since=-1.0), MassLoss(fraction=-0.125, since=-2.0)
+    star = System(["star"], [1.0], np.zeros((1, 3)), np.zeros((1, 3)), units=DIMENSIONLESS).with_forces(*losses)
+    star = star.add("b", primary="star", q=[2.0, 0.0, 0.0], v=[0.0, 0.5, 0.0])
+    assert star.elements("star")["b"].a.value == pytest.approx(2.0, rel=1e-15)  # a circle, as GM is 1/2

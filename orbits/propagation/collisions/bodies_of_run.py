@@ -97,6 +97,11 @@ class BodiesOfRun:
         """Return which massive bodies are there, (n,)."""
         return np.asarray(self.massive & self.bodies.present)
 
+    def acting(self) -> NDArray[np.bool_]:
+        """Return which forces act in the current leg, (forces,): those on bodies that are all gone do not."""
+        gone = {name for name, there in zip(self.system.names, self.there, strict=True) if not there}
+        return np.array([force.without(gone) is not None for force in self.system.forces], dtype=bool)
+
     def march(self, q: Array, v: Array, clock: Clock, time: float = 0.0) -> Legs:
         """Return a march of the bodies of this leg, of q and v (there, 3), from a time on."""
         if self._leg is None:

@@ -26,6 +26,7 @@ from orbits.system.model import ANGULAR_MOMENTUM, ENERGY, MOMENTUM, depends_on_t
 from orbits.trajectory import changes
 from orbits.trajectory.changes import Bodies, of_bodies
 from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
+from orbits.units import told_apart
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -82,7 +83,7 @@ class Collisions:
         for i, j in overlapping(values.q, radii, self._massive):
             if self.rule(i, j) is not None:
                 lengths = float(np.linalg.norm(values.q[j] - values.q[i])), radii[i] + radii[j]
-                distance, least = (with_unit(f"{length:g}", system.units.length) for length in lengths)
+                distance, least = (with_unit(text, system.units.length) for text in told_apart(*lengths))
                 raise InputError(
                     f"{system.names[i]} and {system.names[j]} are {distance} apart at the start, less than their radii "
                     f"together, {least}. Move one, or give smaller radii."

@@ -18,6 +18,7 @@ from orbits.propagation.control.wall_clock import seconds_of
 from orbits.propagation.events.base import RECORD, STOP, Sought
 from orbits.propagation.events.functions import calling, named
 from orbits.propagation.events.kinds.of_pairs import Distance, a_distance, pairs_of
+from orbits.units import told_apart
 
 if TYPE_CHECKING:
     from orbits.propagation.events.base import Bound
@@ -58,9 +59,10 @@ class AtDistance(Sought):
         apart = float(np.linalg.norm(q[1] - q[0]))
         beyond = bound - apart if isinstance(self, CloserThan) else apart - bound
         if beyond > rounding_of(bound, q):
+            far, least = (with_unit(text, unit) for text in told_apart(apart, bound))
             raise InputError(
-                f"{type(self).__name__}: {self.body} and {self.other} are {with_unit(f'{apart:g}', unit)} apart at the "
-                f"start already; the bound is {with_unit(f'{bound:g}', unit)}. Give another one."
+                f"{type(self).__name__}: {self.body} and {self.other} are {far} apart at the start already; the bound "
+                f"is {least}. Give another one."
             )
 
 
@@ -74,7 +76,9 @@ class CloserThan(AtDistance):
     then : among `events`, what happens; see `orbits.events.Event`
 
     A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
-    there again. It stops as they come closer in the direction of the run; what is recorded is meant in time.
+    there again. So do bodies at that very distance, where another run may have stopped: from there a run goes on, even
+    if they come closer at once. It stops as they come closer in the direction of the run; what is recorded is meant in
+    time.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
@@ -94,7 +98,8 @@ class FartherThan(AtDistance):
     then : among `events`, what happens; see `orbits.events.Event`
 
     A run that is to stop there is refused if two named bodies are there at its start; others stop it when they get
-    there again. It stops as they part in the direction of the run; what is recorded is meant in time.
+    there again. So do bodies at that very distance, where another run may have stopped: from there a run goes on, even
+    if they part at once. It stops as they part in the direction of the run; what is recorded is meant in time.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 

@@ -17,7 +17,7 @@ from orbits.propagation.results.marched_again import MarchedAgain
 from orbits.system.model import most_inner
 from orbits.time_grid import snapped, times_since
 from orbits.trajectory.work import accounts_of
-from orbits.units import date_text
+from orbits.units import date_text, told_apart
 
 if TYPE_CHECKING:
     from orbits.marching.stepping.kept_steps import KeptSteps
@@ -76,11 +76,12 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
     if not inside.all():
         k = int(np.argmin(inside))
         system, of = trajectory.system, "samples" if span is None else "run"
-        within = with_unit(f"{first:.10g} ... {last:.10g}", system.units.time)
+        time, begin, end = told_apart(times[k], first, last, digits=10)
+        within = with_unit(f"{begin} ... {end}", system.units.time)
         if system.epoch is not None:
             dates = (date_text(system.epoch + x * system.units.time, 16) for x in (first, last))
             within += f" ({' ... '.join(dates)} TDB)"
-        raise InputError(f"{what.format(k)} = {times[k]:.10g} lies outside the {of}, {within}")
+        raise InputError(f"{what.format(k)} = {time} lies outside the {of}, {within}")
     needed = 48 * len(times) * len(trajectory.names)
     if needed > MEMORY_SHARE * memory():
         raise InputError(
