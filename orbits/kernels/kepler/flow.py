@@ -239,7 +239,7 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
         new = s + change
         new = select((new >= low) * (new <= high), new, 0.5 * (low + high))
         change = new - s
-        floor = 2.0**-51 * (t + abs(eta * G2))
+        floor = 2.0**-51 * (t + select(incoming, 0.0, abs(eta * G2)))
         settled = (abs(change) <= 2.0**-30 * s) * (abs(change * slope) <= 2.0**-20 * r) + (abs(miss) <= floor)
         s = select(done, s, new)
         done = maximum(done, select(settled, 1.0, 0.0) + 0.0 * t)
