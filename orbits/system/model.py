@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from functools import reduce
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import numpy as np
@@ -217,7 +218,23 @@ def _each(given: Any, kind: type, expected: str, what: str) -> Sequence[Any]:
 
 
 def together(one: System, other: System) -> dict[str, Any]:
-    """Return the combined terms and forces of two systems, without duplicates."""
+    """Return the combined terms and forces of two systems, without duplicates.
+
+    Raises InputError for forces of one kind and source that differ and act on the same body: both would act on it.
+    """
+    for mine, theirs in product(one.forces, other.forces):
+        if mine in other.forces or theirs in one.forces or (mine.kind, mine.owner) != (theirs.kind, theirs.owner):
+            continue
+        twice = [
+            name
+            for name in (*one.names, *other.names)
+            if all(x.bodies is None or name in x.bodies for x in (mine, theirs))
+        ]
+        if twice:
+            raise InputError(
+                f"{type(mine).__name__} acts on {few(list(dict.fromkeys(twice)), 3)} in both systems, with other "
+                "numbers; expected the same force, or one of them alone: system.replaced(forces=[...])."
+            )
     terms, forces = ((*mine, *(x for x in theirs if x not in mine)) for mine, theirs in _pairs(one, other))
     return {"terms": terms, "forces": forces}
 
