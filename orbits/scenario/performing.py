@@ -194,7 +194,8 @@ def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
         for name, case in outcome.cases.items()
     }
     options = {"options": outcome.options} if outcome.options else {}
-    return plain({**record, **options, "cases": cases}, "a scenario's record")
+    whole: dict[str, Any] = plain({**record, **options, "cases": cases}, "a scenario's record")
+    return whole
 
 
 def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOutcome:

@@ -406,27 +406,42 @@ def centre(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
 
     q, v : (..., n, 3), of the massive bodies; t : times since the epoch, (...)
     """
-    from orbits.diagnostics import centre_of_mass
-
-    gm = system.values.gm[system.massive]
-    newton = centre_of_mass(gm, q)
+    gm = masses_at(system, t)[..., system.massive]
+    newton = centre_of(gm, q)
     more = inertia(system, q, v, t)
     if more is None:
         return newton
     # Energies are small beside masses, so that the departure from Newton's centre needs no more digits.
     moved = np.sum(more[..., None] * (q - newton[..., None, :]), axis=-2)
-    return np.asarray(newton + moved / (gm.sum() + more.sum(axis=-1))[..., None])
+    return np.asarray(newton + moved / (gm.sum(axis=-1) + more.sum(axis=-1))[..., None])
 
 
 def centre_velocity(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
     """Return the velocity of the centre of mass: momentum over mass, with the energies in both. As `centre`."""
-    from orbits.diagnostics import centre_of_mass, linear_momentum
+    from orbits.diagnostics import linear_momentum
 
-    gm, more = system.values.gm[system.massive], inertia(system, q, v, t)
+    gm, more = masses_at(system, t)[..., system.massive], inertia(system, q, v, t)
     if more is None:
-        return centre_of_mass(gm, v)
+        return centre_of(gm, v)
     momentum = whole(system, MOMENTUM, linear_momentum(gm, v), q, v, t)
-    return np.asarray(momentum / (gm.sum() + more.sum(axis=-1))[..., None])
+    return np.asarray(momentum / (gm.sum(axis=-1) + more.sum(axis=-1))[..., None])
+
+
+def masses_at(system: System, t: Any = 0.0) -> Array:
+    """Return the GM of the bodies at times since the epoch, (..., n), or (n,) where no force changes it."""
+    gm = system.values.gm
+    for force in system.forces:
+        gm = force.masses(gm, system.names, t, system.units)
+    return gm
+
+
+def centre_of(gm: Array, x: Array) -> Array:
+    """Return the centres of mass, (..., 3), of places or velocities x, (..., n, 3); gm : (n,), or (samples, n)."""
+    from orbits.diagnostics import centre_of_mass
+
+    if gm.ndim == 1:
+        return centre_of_mass(gm, x)
+    return np.array([centre_of_mass(*one) for one in zip(gm, x, strict=True)]).reshape(*x.shape[:-2], 3)
 
 
 def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:

@@ -11,13 +11,13 @@ from astropy import units as u
 from astropy.units import Quantity
 from numpy.typing import ArrayLike, NDArray
 
-from orbits import diagnostics
 from orbits.body_names import chosen, few, index_of, with_article
 from orbits.elements import FRAMES, elements_from_state, to_frame
 from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
 from orbits.export import MOST_ROWS, Labelled, Tabled, Tabular, Variable, headed
 from orbits.system import new_bodies, presenting
+from orbits.system.model import centre_of
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def osculating(
     elif around in new_bodies.BARYCENTRIC:
         bodies = np.arange(len(names))
         two_body_gm = np.broadcast_to(gm.sum(axis=-1, keepdims=True), gm.shape)
-        centre_q, centre_v = (_centre(gm, x)[..., None, :] for x in (q, v))
+        centre_q, centre_v = (centre_of(gm, x)[..., None, :] for x in (q, v))
     else:
         place = index_of(around, names, "primary")
         bodies = np.delete(np.arange(len(names)), place)
@@ -208,13 +208,6 @@ def osculating(
         epoch=epoch,
         **quantities,
     )
-
-
-def _centre(gm: Floats, x: Floats) -> Floats:
-    """Return the centres of mass, (..., 3), of places or velocities x, (..., n, 3); gm : (n,), or (samples, n)."""
-    if gm.ndim == 1:
-        return diagnostics.centre_of_mass(gm, x)
-    return np.array([diagnostics.centre_of_mass(*one) for one in zip(gm, x, strict=True)])
 
 
 def _before(names: Sequence[str], gm: Floats, q: Floats, v: Floats) -> tuple[NDArray[np.intp], Floats, Floats, Floats]:

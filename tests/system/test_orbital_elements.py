@@ -130,3 +130,18 @@ def test_elements_are_of_the_mass_that_a_star_has_left(primary: str) -> None:
         # A few roundings, which e of 0.2 multiplies: 3e-15 seen.
         np.testing.assert_allclose(found.a.value, 5.0, rtol=1e-14)
         np.testing.assert_allclose(found.e.value, 0.2, rtol=1e-14)
+
+
+def test_the_centre_of_mass_is_of_the_mass_that_a_star_has_left() -> None:
+    times, left = np.array([0.0, 20.0, 100.0]), np.array([1.0, 0.9, 0.5])
+    q = np.broadcast_to([[0.0, 0.0, 0.0], [2.0, 0.0, 1.0]], (3, 2, 3))
+    system = System(["star", "planet"], [1.0, 0.1], q[0], q[0][::-1], units=DIMENSIONLESS)
+    system = system.with_forces(MassLoss(fraction=-0.005))
+    run = Trajectory(system, times, q, np.zeros(q.shape), step=0.1, integrator=Gauss(stages=8))
+    expected = 0.1 * q[:, 1] / (left + 0.1)[:, None]
+    np.testing.assert_allclose(run.centre_of_mass().value, expected, rtol=2 * EPS)
+    assert run[1:1].centre_of_mass().shape == (0, 3)
+    np.testing.assert_allclose(run[2].centre_of_mass().value, expected[2], rtol=2 * EPS)
+    moved = run[2].barycentric().values
+    np.testing.assert_allclose(0.5 * moved.q[0] + 0.1 * moved.q[1], 0.0, atol=EPS)
+    np.testing.assert_allclose(0.5 * moved.v[0] + 0.1 * moved.v[1], 0.0, atol=EPS)
