@@ -111,6 +111,11 @@ def certify(
             "certificates are of positions and velocities, and know no attitudes; certify the method for points, "
             "system.replaced(forces=()). Rigid bodies keep what it declares, as their free rotation is exact."
         )
+    if any(term.gives_bodies for term in problem.terms):
+        raise InputError(
+            "certificates are of massive bodies that are integrated, but those of a system in an ephemeris are read; "
+            "certify the method with them integrated: System.solar_system(...)."
+        )
     return _of_system(problem, integrator, dt)
 
 
@@ -271,7 +276,8 @@ def _fibres(problem: Problem, particles: list[Any]) -> Measured:
         step = plain_step(lagrangian, problem.integrator.tableau, q, p, problem.dt, problem.t)
         d = len(problem.q)
         own = [d, d + 1, d + 2, 2 * d + 3, 2 * d + 4, 2 * d + 5]
-        weights = np.full(3, math.sqrt(tiny * np.max(np.abs(w)) / np.max(np.abs(x))))
+        place, speed = (np.max(np.abs(own if np.any(own) else whole)) for own, whole in ((x, q), (w, v)))
+        weights = np.full(3, math.sqrt(tiny * speed / place))
         worst = max(worst, symplecticity_defect(step.derivative[np.ix_(own, own)], weights))
     return Measured(worst, 32.0 * EPS * 6.0**0.5, "", f"{len(particles)} of the particles")
 

@@ -36,10 +36,8 @@ DOUBTS = 128.0
 """How many times its doubt a difference may be wrong by: the best of some sixty is close to others by chance."""
 
 FURTHER = 256.0
-"""How many times the best doubt the rounding is at the shortest span: shorter ones may show that longer ones err."""
-
-GIVEN_MOTION = "given"
-"""The kernel of terms that give the motion of bodies, and are no part of L."""
+"""How many times the best doubt the rounding is at the shortest span: shorter ones show nothing more, if those before
+were shorter than the distances of bodies."""
 
 
 class Part(NamedTuple):
@@ -98,7 +96,7 @@ def _parts(lagrangian: Lagrangian) -> list[Part]:
     tag = lagrangian.tag
     if not isinstance(tag, SumTag):
         return [Part(lagrangian, None)]
-    return [Part(lagrangian, k) for k, term in enumerate(tag.terms) if not term.provides(GIVEN_MOTION)]
+    return [Part(lagrangian, k) for k in range(len(tag.terms))]
 
 
 def _gradients(part: Part, x: Array, t: float) -> Measured:
@@ -137,9 +135,11 @@ def _worst(
     size : (m,) what is added up in the function; words : for a derivative; kernel : the function, for the message
     """
     d, worst, note = len(x) // 2, 0.0, "central differences, extrapolated"
+    apart = np.diff(np.sort(x[:d]))
+    closest = float(np.min(apart, initial=np.inf, where=apart > 0.0))  # no more than the distances of bodies
     for j, span in enumerate(_spans(x)):
         with np.errstate(all="ignore"):
-            found, doubt = derivative(function, x, j, span, size)
+            found, doubt = derivative(function, x, j, span, size, closest if j < d else np.inf)
             off = np.abs(claimed[:, j] - found)
             least = EPS * (np.abs(claimed[:, j]) + np.abs(found))
             ratio = np.where(off > 0.0, off / (DOUBTS * np.maximum(doubt, least)), 0.0)
@@ -153,10 +153,13 @@ def _worst(
     return Measured(worst, 1.0, "of the doubt", note)
 
 
-def derivative(function: Callable[[Array], Array], x: Array, j: int, span: float, size: Array) -> tuple[Array, Array]:
+def derivative(
+    function: Callable[[Array], Array], x: Array, j: int, span: float, size: Array, within: float = np.inf
+) -> tuple[Array, Array]:
     """Return the derivative of a function (m,) by x_j and its doubt, each (m,); NaN where no difference is finite.
 
     span : the first half span; size : (m,) what is added up in the function, whose rounding differences amplify
+    within : a span that is tried whatever longer ones show
     """
     found, doubt = np.full(len(size), np.nan), np.full(len(size), np.inf)
     row: list[Array] = []
@@ -164,10 +167,11 @@ def derivative(function: Callable[[Array], Array], x: Array, j: int, span: float
         ahead, behind = x.copy(), x.copy()
         ahead[j] += span * 2.0**-k
         behind[j] -= span * 2.0**-k
-        rounded = ROUNDING * EPS * size / (span * 2.0**-k)
-        if k >= LEAST and np.all(rounded >= FURTHER * doubt):
+        above, below = function(ahead), function(behind)
+        rounded = ROUNDING * EPS * np.maximum(size, np.maximum(np.abs(above), np.abs(below))) / (span * 2.0**-k)
+        if k >= LEAST and span * 2.0**-k < within and np.all(rounded >= FURTHER * doubt):
             break
-        new = [(function(ahead) - function(behind)) / (ahead[j] - behind[j])]
+        new = [(above - below) / (ahead[j] - behind[j])]
         for i, before in enumerate(row[:LEVELS]):
             new.append(new[i] + (new[i] - before) / (4.0 ** (i + 1) - 1.0))
             off = np.maximum(np.abs(new[i + 1] - new[i]), np.abs(new[i + 1] - before)) + rounded

@@ -20,7 +20,7 @@ from orbits.diagnostics import loops
 from orbits.diagnostics.symplecticity import symplecticity
 from orbits.diagnostics.tangent import PlainStep, plain_step, symplecticity_defect
 from orbits.discrete.base import Jet
-from orbits.errors import IntegrationError
+from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.composition import Composition
 from orbits.integrators.gauss import Gauss
@@ -93,12 +93,21 @@ class Problem:
     @cached_property
     def size(self) -> float:
         """Largest |w q| along the path."""
-        return float(np.max(np.abs(self.path.q) * self.weights))
+        return self._moving(float(np.max(np.abs(self.path.q) * self.weights)), "q")
 
     @cached_property
     def momentum_size(self) -> float:
         """Largest |p / w| along the path."""
-        return float(np.max(np.abs(self.path.p) / self.weights))
+        return self._moving(float(np.max(np.abs(self.path.p) / self.weights)), "p")
+
+    def _moving(self, size: float, what: str) -> float:
+        """Return the size of q or p along the path. Raises InputError if it is 0."""
+        if size == 0.0:
+            raise InputError(
+                f"{self.lagrangian.name!r}: {what} stays 0 from this start, and errors are measured relative to it; "
+                "expected a motion: give another q and v"
+            )
+        return size
 
     def apart(self, one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
         """Return the difference of two states (q, p), in units of 2^-53 of the largest on the path."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from orbits.certificate.measuring import Problem
+from orbits.certificate.measuring import EPS, Problem
 from orbits.diagnostics.convergence import Slope, slope
 from orbits.errors import InputError, IntegrationError
 from orbits.marching.flow import Flow
@@ -39,7 +39,7 @@ def _order_over(problem: Problem, steps: int) -> Slope:
             x, _ = flow.step(problem.q, problem.p, count)
         except IntegrationError:
             continue  # the step is far too long
-        h.append(span / count)
+        h.append(abs(span) / count)
         errors.append(float(np.max(np.abs(x - q) * problem.weights)) / problem.size)
     return slope(h, errors, floor=_plateau(3e-13, errors), ceiling=2e-3)
 
@@ -51,15 +51,18 @@ def order_of_discrete_lagrangian(problem: Problem) -> Slope:
     scale = problem.momentum_size * problem.size
     starts = [0, len(problem.path) // 5, len(problem.path) // 2]  # at a single one, the leading term may vanish
     for factor in 2.0 ** np.arange(5.0, -6.0, -0.5 if problem.integrator.order > 6 else -1.0):
-        step, worst = factor * problem.dt, 0.0
+        step, worst, rounding = factor * problem.dt, 0.0, 0.0
         try:
             for k in starts:
                 q, t = problem.path.q[k], float(problem.path.t[k])
                 action, end = problem.true_action(q, problem.path.p[k], step, t)
                 worst = max(worst, abs(L_d.value(q, end, step, t) - action) / scale)
+                rounding = max(rounding, EPS * abs(action) / scale)
         except (IntegrationError, InputError):
             continue  # the step is far too long
-        h.append(step)
+        if 0.0 < worst < 10.0 * rounding:
+            continue  # a constant in L, such as the weight of a bob, rounds to more than that of a small motion
+        h.append(abs(step))
         errors.append(worst)
         if max(errors[-2:]) < 3e-15:
             break  # shorter steps show nothing but round-off

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.checks import finite_number, nonzero_number, whole_number
+from orbits.discrete.noether import momentum_map
 from orbits.errors import InputError, shown
 from orbits.integrators import named
 from orbits.integrators.base import Integrator
@@ -83,8 +84,11 @@ class DiscretePath:
         return np.array([constraint_values(self.lagrangian, q)[0] for q in self.q])
 
     def momentum_map(self, symmetry: Symmetry) -> Array:
-        """Return Noether's charge J = p . xi(q, t) - K(q, t) of a symmetry at each sample, (n,)."""
-        return np.array([symmetry.charge(q, p, float(t)) for q, p, t in zip(self.q, self.p, self.t, strict=True)])
+        """Return Noether's charge J = p . xi(q, t) - K(q, t) of a symmetry at each sample, (n,).
+
+        Raises InputError if the symmetry does not act on these coordinates.
+        """
+        return np.asarray(momentum_map(symmetry, self.q, self.p, self.t))
 
 
 class Flow:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -42,6 +43,18 @@ def test_a_system_with_particles_is_certified_with_their_fibres(certificate):
     assert certificate["order of the map"].measured == pytest.approx(8, abs=0.5)
 
 
+def test_a_particle_at_rest_at_the_origin_is_certified_too():
+    """Its part was NaN, which passed for 0."""
+    q, v = np.zeros((3, 3)), np.zeros((3, 3))
+    q[:2, 0], v[:2, 1] = (0.1, 1.0), (-0.1, 1.0)
+    resting = orbits.System(["a", "b", "p"], [1.0, 0.1, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        certificate = orbits.certify(resting, orbits.Gauss(stages=4), 0.05)
+    assert certificate.ok
+    assert 0.0 < certificate["symplecticity of particles"].measured < 4e-15
+
+
 @pytest.mark.nightly
 def test_a_lobatto_method_is_certified_on_a_system(system):
     assert orbits.certify(system, LobattoIIIAB(stages=3), 5 * u.day).ok
@@ -53,6 +66,15 @@ def test_runge_kutta_is_not_certified_on_a_system_and_neither_are_its_particles(
     for name in ("symplecticity", "symplecticity of particles"):
         assert not certificate[name].holds
         assert certificate[name].verdict == "fails"
+
+
+@pytest.mark.parametrize(("dt", "speed"), [(-0.1, 1.0), (0.1, 1e-3)])
+def test_a_pendulum_is_certified_backwards_and_near_its_rest(dt, speed):
+    """Near its rest its weight, a constant in L, rounds to 1e-10 of the action of its motion."""
+    certificate = orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), dt, q=[0.0], v=[speed])
+    assert certificate.ok, certificate.table()
+    for order in ("order of the map", "order of L_d"):
+        assert certificate[order].measured == pytest.approx(8, abs=0.5)
 
 
 def test_the_table_names_the_step_the_unit_and_the_verdict(certificate):
@@ -145,6 +167,11 @@ def test_wrong_uses_are_refused_with_the_remedy(system, tmp_path):
         orbits.certify(pendulum, orbits.Gauss(), 0.1, v=[1.0])
     with pytest.raises(InputError, match="give archive= too"):
         orbits.propagate(system, orbits.Gauss(), dt=5 * u.day, duration=50 * u.day, certificate=True)
+
+
+def test_a_start_at_rest_is_refused():
+    with pytest.raises(InputError, match=r"'pendulum': q stays 0 from this start, .* expected a motion"):
+        orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), 0.1, q=[0.0], v=[0.0])
 
 
 def test_a_certificate_asked_for_something_else_says_what_it_has(certificate):

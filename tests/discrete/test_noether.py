@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import orbits
 from orbits import discrete
 from orbits.errors import InputError
 from orbits.lagrangians.newtonian import n_body
@@ -123,3 +124,11 @@ def test_bad_input_is_refused():
         discrete.momentum_map(turn, Q, Q * np.nan)
     with pytest.raises(InputError, match="one shape"):
         discrete.momentum_map(turn, Q, Q[0])
+    for other, text in (
+        (translation([1.0, 0.0, 0.0]), r"translation: the generator returns shape \(3,\) for a point of shape \(2,\)"),
+        (rotation([0.0, 0.0, 1.0]), r"rotation: the generator takes no point of shape \(2,\): cannot reshape"),
+    ):
+        with pytest.raises(InputError, match=text):
+            discrete.momentum_map(other, Q, Q)
+        with pytest.raises(InputError, match=text):
+            orbits.march(orbits.lagrangians.kepler, orbits.Gauss(stages=4), dt=0.05, steps=1).momentum_map(other)

@@ -233,6 +233,8 @@ def test_what_cannot_be_read_is_refused(options, error, said):
 
 
 def test_what_would_be_wrong_is_refused(apophis):
+    with pytest.raises(InputError, match=r"those of a system in an ephemeris are read; .*System\.solar_system"):
+        orbits.certify(apophis, orbits.Gauss(stages=4), 1 * u.day)
     with pytest.raises(InputError, match="barycentre of the Solar System"):
         apophis.barycentric()
     with pytest.raises(InputError, match="would feel"):

@@ -174,7 +174,6 @@ def test_a_cache_file_that_others_may_write_is_not_read(kept, tmp_path):
     assert path.stat().st_mode & 0o777 == 0o644, "it was replaced"
 
 
-@pytest.mark.nightly
 def test_a_cache_folder_that_others_may_write_is_not_used(kept, tmp_path):
     program, right, cache = kept
     path = planted_index(cache, tmp_path / "cache", tmp_path / "executed")

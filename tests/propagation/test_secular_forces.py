@@ -5,6 +5,7 @@ import pytest
 from astropy import units as u
 
 import orbits
+from orbits.errors import InputError
 from orbits.terms import Damping, GasDrag, MassLoss, NonGravitational, RadiationPressure
 
 METHOD = orbits.Gauss(stages=4)
@@ -134,6 +135,15 @@ def test_mass_loss_counts_from_the_epoch_of_the_run_wherever_a_state_of_it_is_ta
     assert whole[1].forces[0].since.value == -3.0
     again = orbits.propagate(whole[1], METHOD, duration=2.0, samples=2, **options)
     assert np.max(np.abs(again.q.value[-1] - whole.q.value[-1])) < 1e-14
+
+
+@pytest.mark.parametrize("whom", [None, ["body"]])
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_run_past_the_loss_of_all_mass_is_refused(way, whom):
+    """The star would go on as one that repels."""
+    system = star().with_forces(MassLoss(fraction=-0.1 * way, since=2.0 * way, bodies=whom))
+    with pytest.raises(InputError, match=r"MassLoss: gm of 'star' .* -0\.3 at the end of the run, -?15; .*shorter"):
+        orbits.propagate(system, duration=15.0 * way, progress=False)
 
 
 ACTING = (

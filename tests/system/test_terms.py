@@ -9,7 +9,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import InputError, UnknownNameError
-from orbits.terms import DegreeTwo, Drag, FrameDragging, PostNewtonian, ZonalHarmonics
+from orbits.terms import DegreeTwo, Drag, FrameDragging, NobiliRoxburgh, PostNewtonian, ZonalHarmonics
 
 from ..coverings import each
 
@@ -201,6 +201,22 @@ BAD = {
     "massless attitude": (
         lambda s: s.with_terms(DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Ceres")),
         "^DegreeTwo: attitude has 'Ceres', but gm of 'Ceres' is 0; expected a massive body",
+    ),
+    "two figures": (
+        lambda s: s.with_terms(zonal(), DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Jupiter")),
+        "^'Sun' has a J2 twice, by ZonalHarmonics and by DegreeTwo; expected one of them, as they add up",
+    ),
+    "a figure that turns": (
+        lambda s: s.with_terms(zonal()).with_rigid("Sun", orbits.RigidBody(shape=(3, 3, 2), spin=1.0)),
+        "^'Sun' has a J2 twice, by ZonalHarmonics and by RigidBody",
+    ),
+    "relativity twice": (
+        lambda s: s.with_terms(PostNewtonian(sources=["Jupiter", "Sun"]), NobiliRoxburgh("Sun")),
+        "^'Sun' has relativity twice, by PostNewtonian and by NobiliRoxburgh",
+    ),
+    "relativity of all and of one": (
+        lambda s: s.with_terms(NobiliRoxburgh("Sun"), PostNewtonian()),
+        "^'Sun' has relativity twice, by NobiliRoxburgh and by PostNewtonian",
     ),
     "massless source": (lambda s: s.with_terms(PostNewtonian(sources=["Ceres"])), "expected a massive body"),
     "no rate": (lambda s: s.with_forces(Drag()), "rate is missing"),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from orbits import integrators
 from orbits.body_names import few
 from orbits.checks import checked_flag
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, UnknownNameError, with_unit
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
 from orbits.propagation.checks import step_check
@@ -97,9 +98,20 @@ def check_what_is_kept(system: System, integrator: Integrator, seeking: Seeking,
 
 
 def check_span(system: System, grid: TimeGrid) -> None:
-    """Raise EpochError, naming the term, if one does not describe the motion until the end of a run."""
+    """Raise EpochError, naming the term, if one does not describe the motion until the end of a run, and InputError,
+    naming the body, if a force has taken all of its mass before.
+    """
     for term in system.terms:
         term.check_span(grid.end, system.units)
+    for force in system.forces:
+        gm = replace(force, bodies=None).masses(system.values.gm, system.names, grid.end, system.units)
+        for name, left in zip(system.names, gm.tolist(), strict=True):
+            if left < 0.0:
+                until = with_unit(f"{grid.end:g}", system.units.time)
+                raise InputError(
+                    f"{type(force).__name__}: gm of {name!r} would be {with_unit(f'{left:.6g}', system.units.gm)} at "
+                    f"the end of the run, {until}; expected mass to be left: make the run shorter."
+                )
 
 
 def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, check_step: Any) -> None:
