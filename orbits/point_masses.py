@@ -31,7 +31,7 @@ class PointMasses(NamedTuple):
         return massive
 
 
-def masses_at(t: Any, forces: Iterable[Any], gm: Array, names: Sequence[str], units: Any) -> Array:
+def changed_masses(t: Any, forces: Iterable[Any], gm: Array, names: Sequence[str], units: Any) -> Array:
     """Return the GM of the bodies of a system at times t since its epoch, (..., bodies), with the sum of what each of
     its forces has changed by then; gm : without these.
     """

@@ -10,8 +10,12 @@ import typer
 from orbits.scenario import command
 from orbits.scenario.command import Dt, Duration, Json, Own, Samples, guarded
 
+TYPED = "COMMANDLINE"
+"""Typer's name for the source of an option that was typed."""
+
 
 def ensemble(
+    context: typer.Context,
     what: Annotated[
         str,
         typer.Argument(
@@ -86,10 +90,16 @@ def ensemble(
         from orbits.ensemble import command as campaigns
 
         if (Path(what) / campaigns.ABOUT).is_file():
-            if own:
+            given = {name: str(context.get_parameter_source(name)) for name in context.params}
+            refused = [name for name, by in given.items() if by.endswith(TYPED) and name not in ("what", "as_json")]
+            if refused:
                 from orbits.errors import InputError
 
-                raise InputError(f"--set {own[0]}: {what} is a campaign, which has its options; leave --set out.")
+                option = "set" if refused[0] == "own" else refused[0].replace("_", "-")
+                raise InputError(
+                    f"{what} is the folder of a campaign, which is shown and not run: it takes no --{option}. To run "
+                    "it, give its plan or scenario, and this folder as --out."
+                )
             campaigns.show(Path(what), as_json)
             return
         from orbits.integrators import parse

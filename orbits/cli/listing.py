@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from orbits.scenario.command import Json, guarded
+from orbits.scenario.printed import stdout
 
 
 def list_(as_json: Json = False) -> None:
@@ -37,10 +38,9 @@ def list_(as_json: Json = False) -> None:
             }
             print(json.dumps(record, indent=1))
             return
-        from rich.console import Console
         from rich.table import Table
 
-        console = Console(highlight=False)
+        console = stdout()
         table = Table("scenario", "what it shows", box=None, header_style="bold")
         for each in bundled():
             options = f"; options: {', '.join(each.options)}" if each.options else ""

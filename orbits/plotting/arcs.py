@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError, OrbitsError
 from orbits.plotting.between_samples import Orbit, cubic, nodes, turn
-from orbits.point_masses import masses_at
+from orbits.point_masses import changed_masses
 
 if TYPE_CHECKING:
     from orbits.protocols import Run, State
@@ -239,7 +239,7 @@ def last_state(run: Run) -> State:
     if run.changes is not None:
         bodies = run.changes.bodies_at(time)
         gm = np.where(bodies.present, bodies.gm, 0.0)
-    gm = masses_at(time, run.system.forces, gm, run.names, run.system.units)
+    gm = changed_masses(time, run.system.forces, gm, run.names, run.system.units)
     # Without terms and forces, which may be of bodies that are without mass by now, or have changed it.
     return run.system.replaced(gm=gm, q=q, v=v, epoch=None, terms=(), forces=())
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from orbits.body_names import index_of, with_article
 from orbits.elements import elements_from_state, to_frame
 from orbits.errors import InputError
-from orbits.point_masses import masses_at
+from orbits.point_masses import changed_masses
 
 if TYPE_CHECKING:
     from orbits.protocols import Run
@@ -74,7 +74,7 @@ def masses_over(run: Run, times: Array) -> Array:
     gm = np.broadcast_to(run.system.values.gm, (len(times), len(run.names)))
     if run.changes is not None:
         gm = run.changes.over(times).gm
-    return masses_at(times, run.system.forces, gm, run.names, run.system.units)
+    return changed_masses(times, run.system.forces, gm, run.names, run.system.units)
 
 
 def histories(

@@ -20,6 +20,7 @@ from orbits.regression.peers import simulation
 from orbits.regression.snapshot import Array, Particles
 from orbits.system import System
 from orbits.system.model import require_newtonian
+from orbits.system.state_checks import checked_units
 from orbits.trajectory import Trajectory
 from orbits.units import DIMENSIONLESS, SOLAR, UnitSystem, as_epoch
 
@@ -39,6 +40,9 @@ ADAPTIVE = ("ias15", "bs")
 
 NAMED = "REBOUND "
 """Prefix of the names of unit systems made from those of a simulation."""
+
+SAME_UNIT = 1e-9
+"""By how much units may differ that are the same: REBOUND has fewer digits of some than astropy."""
 
 SOLAR_UNITS = ("au", "d", "massist")
 """REBOUND's names of the units of `SOLAR`, in which GM is the mass; "massist" is its unit of mass that makes G = 1."""
@@ -181,9 +185,9 @@ def from_rebound(
     """Return a `System` with the particles of a REBOUND simulation: gm = G m, the same q, v, softening and radii.
 
     source : a Simulation, a Simulationarchive, or the path of its file
-    units : the unit system of the numbers. By default the simulation's own units if they are set, otherwise pure
-        numbers: `DIMENSIONLESS` if G is 1, else a similar system with the simulation's G. ("au", "d", "massist") with
-        G = 1 are `SOLAR`
+    units : the unit system of the numbers, which are not converted. By default the simulation's own units if they are
+        set, otherwise pure numbers: `DIMENSIONLESS` if G is 1, else a similar system with the simulation's G. ("au",
+        "d", "massist") with G = 1 are `SOLAR`
     epoch : the epoch of the state, as simulations have none
     zero : instead, the epoch of t = 0, to which the simulation's t is added
     snapshot : the index in an archive, by default the last;  time : instead, the t of a snapshot
@@ -256,8 +260,7 @@ def _system(found: Particles, units: UnitSystem | None, epoch: Any, zero: Any) -
     attracting = found.m.copy()
     attracting[_massless(found, names) :] = 0.0
     terms = _rule(found, names)
-    if units is None:
-        units = _units_of(found)
+    units = _units_of(found, units)
     when, radii = _epoch(found, units, epoch, zero), found.r if np.any(found.r) else None
     gm = found.G * attracting
     state = tuple(names), gm, found.q, found.v, when, units, radii, found.softening, terms
@@ -369,10 +372,20 @@ def _epoch(found: Particles, units: UnitSystem, epoch: Any, zero: Any) -> Time |
     return as_epoch(zero, "zero") + u.Quantity(found.t, units.time)
 
 
-def _units_of(found: Particles) -> UnitSystem:
-    if found.units == SOLAR_UNITS and found.G == 1.0:
-        return SOLAR
-    return _unit_system(found.units, found.G)
+def _units_of(found: Particles, given: UnitSystem | None) -> UnitSystem:
+    """Return the given units, or those of the simulation. Raises InputError if its numbers are in other units."""
+    own = SOLAR if found.units == SOLAR_UNITS and found.G == 1.0 else _unit_system(found.units, found.G)
+    if given is None:
+        return own
+    if found.units and checked_units(given).is_physical:
+        sizes = own.length.to(given.length), own.time.to(given.time)
+        if not np.allclose(sizes, 1.0, rtol=0.0, atol=SAME_UNIT):
+            raise InputError(
+                f"units is {given.name}, of {given.length} and {given.time}, but the simulation is in "
+                f"{', '.join(found.units)}; expected the same, as numbers are not converted. Leave out units, or "
+                "convert before: sim.convert_particle_units('au', 'd', 'massist') makes the numbers those of SOLAR."
+            )
+    return given
 
 
 def _unit_system(names: tuple[str, str, str] | None, G: float) -> UnitSystem:

@@ -170,7 +170,7 @@ def to_json(outcome: Outcome | StudyOutcome) -> str:
 
 
 def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
-    """Return an outcome as values for JSON."""
+    """Return an outcome as values for JSON; null stands for numbers that are not finite."""
     scenario = outcome.scenario
     record: dict[str, Any] = {
         "format": "orbits-scenario",
@@ -194,7 +194,8 @@ def to_record(outcome: Outcome | StudyOutcome) -> dict[str, Any]:
         for name, case in outcome.cases.items()
     }
     options = {"options": outcome.options} if outcome.options else {}
-    return {**record, **options, "cases": cases}
+    whole: dict[str, Any] = plain({**record, **options, "cases": cases}, "a scenario's record")
+    return whole
 
 
 def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOutcome:

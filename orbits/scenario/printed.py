@@ -28,8 +28,12 @@ def stdout() -> Console:
     """Return the console for results: as wide as the terminal, or 100 columns otherwise."""
     from rich.console import Console
 
-    console = Console(highlight=False)
-    return console if console.is_terminal else Console(highlight=False, width=100)
+    class Results(Console):
+        def on_broken_pipe(self) -> None:
+            raise BrokenPipeError  # for `guarded`, as `print` does; Rich would end with the status 1
+
+    console = Results(highlight=False)
+    return console if console.is_terminal else Results(highlight=False, width=100)
 
 
 def show_certificates(outcome: CertifyOutcome) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from functools import reduce
+from itertools import product
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, cast
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.errors import InputError, shown
+from orbits.point_masses import changed_masses
 from orbits.system.rigid_body import RIGID, RigidBody
 from orbits.units import UnitSystem
 
@@ -217,7 +219,23 @@ def _each(given: Any, kind: type, expected: str, what: str) -> Sequence[Any]:
 
 
 def together(one: System, other: System) -> dict[str, Any]:
-    """Return the combined terms and forces of two systems, without duplicates."""
+    """Return the combined terms and forces of two systems, without duplicates.
+
+    Raises InputError for forces of one kind and source that differ and act on the same body: both would act on it.
+    """
+    for mine, theirs in product(one.forces, other.forces):
+        if mine in other.forces or theirs in one.forces or (mine.kind, mine.owner) != (theirs.kind, theirs.owner):
+            continue
+        twice = [
+            name
+            for name in (*one.names, *other.names)
+            if all(x.bodies is None or name in x.bodies for x in (mine, theirs))
+        ]
+        if twice:
+            raise InputError(
+                f"{type(mine).__name__} acts on {few(list(dict.fromkeys(twice)), 3)} in both systems, with other "
+                "numbers; expected the same force, or one of them alone: system.replaced(forces=[...])."
+            )
     terms, forces = ((*mine, *(x for x in theirs if x not in mine)) for mine, theirs in _pairs(one, other))
     return {"terms": terms, "forces": forces}
 
@@ -389,27 +407,39 @@ def centre(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
 
     q, v : (..., n, 3), of the massive bodies; t : times since the epoch, (...)
     """
-    from orbits.diagnostics import centre_of_mass
-
-    gm = system.values.gm[system.massive]
-    newton = centre_of_mass(gm, q)
+    gm = masses_at(system, t)[..., system.massive]
+    newton = centre_of(gm, q)
     more = inertia(system, q, v, t)
     if more is None:
         return newton
     # Energies are small beside masses, so that the departure from Newton's centre needs no more digits.
     moved = np.sum(more[..., None] * (q - newton[..., None, :]), axis=-2)
-    return np.asarray(newton + moved / (gm.sum() + more.sum(axis=-1))[..., None])
+    return np.asarray(newton + moved / (gm.sum(axis=-1) + more.sum(axis=-1))[..., None])
 
 
 def centre_velocity(system: System, q: Array, v: Array, t: Any = 0.0) -> Array:
     """Return the velocity of the centre of mass: momentum over mass, with the energies in both. As `centre`."""
-    from orbits.diagnostics import centre_of_mass, linear_momentum
+    from orbits.diagnostics import linear_momentum
 
-    gm, more = system.values.gm[system.massive], inertia(system, q, v, t)
+    gm, more = masses_at(system, t)[..., system.massive], inertia(system, q, v, t)
     if more is None:
-        return centre_of_mass(gm, v)
+        return centre_of(gm, v)
     momentum = whole(system, MOMENTUM, linear_momentum(gm, v), q, v, t)
-    return np.asarray(momentum / (gm.sum() + more.sum(axis=-1))[..., None])
+    return np.asarray(momentum / (gm.sum(axis=-1) + more.sum(axis=-1))[..., None])
+
+
+def masses_at(system: System, t: Any = 0.0) -> Array:
+    """Return the GM of the bodies at times since the epoch, (..., n), or (n,) where no force changes it."""
+    return changed_masses(t, system.forces, system.values.gm, system.names, system.units)
+
+
+def centre_of(gm: Array, x: Array) -> Array:
+    """Return the centres of mass, (..., 3), of places or velocities x, (..., n, 3); gm : (n,), or (samples, n)."""
+    from orbits.diagnostics import centre_of_mass
+
+    if gm.ndim == 1:
+        return centre_of_mass(gm, x)
+    return np.array([centre_of_mass(*one) for one in zip(gm, x, strict=True)]).reshape(*x.shape[:-2], 3)
 
 
 def inertia(system: System, q: Array, v: Array, t: Any = 0.0) -> Array | None:

@@ -9,12 +9,12 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits import diagnostics, ephemeris
 from orbits import elements as kepler
+from orbits import ephemeris
 from orbits.body_names import BOTH, checked_names, few
 from orbits.errors import EpochError, InputError, UnknownNameError, shown, with_unit
-from orbits.point_masses import masses_at
 from orbits.system import state_checks
+from orbits.system.model import centre_of, masses_at
 from orbits.units import UnitSystem, as_epoch
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def centre_of_several(names: Sequence[str], around: str) -> str | None:
 
 def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) -> Floats:
     """Return the total GM of each new body and its primary, shape (k,)."""
-    several, masses = centre_of_several(system.names, around), _masses(system)
+    several, masses = centre_of_several(system.names, around), masses_at(system)
     if several is not None:
         total = masses.sum()
         return np.asarray(total + (np.cumsum(gm) if several == JACOBI else np.full(len(gm), gm.sum())))
@@ -169,14 +169,9 @@ def _two_body_gm(system: System, names: Sequence[str], gm: Floats, around: str) 
     return np.asarray(masses[place] + gm)
 
 
-def _masses(system: System) -> Floats:
-    """Return the GM of the bodies at the epoch, which forces may have changed."""
-    return masses_at(0.0, system.forces, system.values.gm, system.names, system.units)
-
-
 def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> State:
     """Return positions and velocities (k, 3) in the system, from q and v relative to the primary."""
-    here, masses = system.values, _masses(system)
+    here, masses = system.values, masses_at(system)
     several = centre_of_several(system.names, around)
     if several is None:
         place = system.index(around)
@@ -189,7 +184,7 @@ def _placed(system: System, gm: Floats, around: str, q: Floats, v: Floats) -> St
     else:
         # q and v are relative to the centre of mass of all, which the new bodies shift from that of the old ones.
         shifts = [np.broadcast_to(gm @ x / total, x.shape) for x in (q, v)]
-    centre = [diagnostics.centre_of_mass(masses, x) for x in (here.q, here.v)]
+    centre = [centre_of(masses, x) for x in (here.q, here.v)]
     return centre[0] + shifts[0] + q, centre[1] + shifts[1] + v
 
 

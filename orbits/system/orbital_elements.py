@@ -11,14 +11,14 @@ from astropy import units as u
 from astropy.units import Quantity
 from numpy.typing import ArrayLike, NDArray
 
-from orbits import diagnostics
 from orbits.body_names import chosen, few, index_of, with_article
 from orbits.elements import FRAMES, elements_from_state, to_frame
 from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
 from orbits.export import MOST_ROWS, Labelled, Tabled, Tabular, Variable, headed
-from orbits.point_masses import masses_at
+from orbits.point_masses import changed_masses
 from orbits.system import new_bodies, presenting
+from orbits.system.model import centre_of
 from orbits.units import UnitSystem
 
 if TYPE_CHECKING:
@@ -173,14 +173,14 @@ def osculating(
     if around in new_bodies.BARYCENTRIC and np.count_nonzero(gm > 0.0) == 1:
         around = names[int(np.argmax(gm > 0.0))]
     times = np.asarray(t, dtype=np.float64)
-    gm = masses_at(times, forces, gm, names, units)
+    gm = changed_masses(times, forces, gm, names, units)
     if around == new_bodies.JACOBI:
         bodies, centre_gm, centre_q, centre_v = _before(names, gm, q, v)
         two_body_gm = centre_gm + gm[..., bodies]
     elif around in new_bodies.BARYCENTRIC:
         bodies = np.arange(len(names))
         two_body_gm = np.broadcast_to(gm.sum(axis=-1, keepdims=True), gm.shape)
-        centre_q, centre_v = (_centre(gm, x)[..., None, :] for x in (q, v))
+        centre_q, centre_v = (centre_of(gm, x)[..., None, :] for x in (q, v))
     else:
         place = index_of(around, names, "primary")
         bodies = np.delete(np.arange(len(names)), place)
@@ -208,13 +208,6 @@ def osculating(
         epoch=epoch,
         **quantities,
     )
-
-
-def _centre(gm: Floats, x: Floats) -> Floats:
-    """Return the centres of mass, (..., 3), of places or velocities x, (..., n, 3); gm : (n,), or (samples, n)."""
-    if gm.ndim == 1:
-        return diagnostics.centre_of_mass(gm, x)
-    return np.array([diagnostics.centre_of_mass(*one) for one in zip(gm, x, strict=True)])
 
 
 def _before(names: Sequence[str], gm: Floats, q: Floats, v: Floats) -> tuple[NDArray[np.intp], Floats, Floats, Floats]:

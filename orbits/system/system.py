@@ -142,7 +142,8 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
         frame = default_frame(units, checked_names(bodies)) if frame is None else frame
         system = cls([first], [gm], zero, zero, epoch=epoch, units=units, radii=radii, softening=softening)
         for name, given in rest.items():
-            system = system.add(name, **{"primary": first, "frame": frame, **given})
+            axes = {} if "v" in given else {"frame": frame}  # places and velocities have those of the system
+            system = system.add(name, **{"primary": first, **axes, **given})
         return system.barycentric()
 
     @classmethod
@@ -377,8 +378,9 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
     def __add__(self, other: System) -> Self:
         """Return this system with the bodies of another one at the end; a body with the same values in both is one.
 
-        Raises EpochError for different epochs, and InputError for different units or softening, for bodies of the same
-        name with different values, and as `System` does.
+        So is a force or term; what acts on all bodies of one system acts on those of both. Raises EpochError for
+        different epochs, and InputError for different units or softening, for bodies of the same name with different
+        values, for different forces of one kind on the same body, and as `System` does.
         """
         if not isinstance(other, System):
             raise InputError(

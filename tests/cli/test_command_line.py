@@ -23,6 +23,7 @@ from orbits.errors import Interrupted
 from orbits.regression import PEERS
 from orbits.scenario import bundled, load
 from orbits.scenario.command import guarded
+from orbits.scenario.printed import stdout
 from orbits.scenario.runs import Runs
 from tests.coverings import each
 from tests.stopping import after_samples
@@ -429,6 +430,15 @@ def test_a_reader_that_stops_early_is_no_error():
     out = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
     assert "Traceback" not in out.stderr
     assert "BrokenPipe" not in out.stderr
+
+
+def test_a_reader_that_stops_early_is_no_failure_of_what_is_printed_as_tables(monkeypatch):
+    reader, writer = os.pipe()
+    os.close(reader)
+    monkeypatch.setattr(sys, "stdout", os.fdopen(writer, "w"))
+    with pytest.raises(SystemExit) as caught, guarded():
+        stdout().print("x" * 100_000)
+    assert caught.value.code == 0
 
 
 def test_a_run_that_is_interrupted_ends_with_its_own_exit_code_and_what_it_says(capsys):

@@ -40,6 +40,11 @@ def test_a_file_with_a_plan_runs_and_its_folder_can_be_looked_at(tmp_path):
     record = json.loads(looked.stdout)
     assert record["members"] == {"survived": 64}
     assert record["bits"] == ensemble.open(tmp_path / "c").bits
+    for option in (["--retry"], ["--duration", "40 yr"], ["--no-approaches"], ["--set", "count=3"]):
+        refused = orbits_("ensemble", tmp_path / "c", *option)
+        assert refused.exit_code == 2
+        name = option[0].replace("no-", "")
+        assert f"is shown and not run: it takes no {name}" in " ".join(refused.output.split())
 
 
 def test_options_change_the_plan(tmp_path):

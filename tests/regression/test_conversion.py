@@ -246,6 +246,18 @@ def test_si_units_and_a_gaussian_constant():
     assert from_rebound(sim, units=orbits.SOLAR).gm[0] == 0.01720209895**2 * u.au**3 / u.day**2
 
 
+def test_units_other_than_those_of_the_simulation_are_refused_as_its_numbers_are_not_converted():
+    sim = rebound.Simulation()
+    sim.units = ("km", "s", "kg")
+    sim.add(m=2e30)
+    sim.add(a=1.5e8)
+    with pytest.raises(InputError, match=r"SOLAR, of AU and d, but the simulation is in km, s, kg.*convert_particle"):
+        from_rebound(sim, units=orbits.SOLAR)
+    assert from_rebound(sim, units=orbits.DIMENSIONLESS).q[1, 0] == 1.5e8
+    sim.convert_particle_units("au", "d", "massist")
+    assert from_rebound(sim, units=orbits.SOLAR).q[1, 0].to_value(u.km) == pytest.approx(1.5e8, rel=1e-15)
+
+
 def test_a_test_particle_of_type_0_is_massless_and_its_mass_is_told():
     sim = plain()
     sim.N_active = 1

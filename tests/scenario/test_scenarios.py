@@ -499,6 +499,18 @@ def test_pictures_and_checks_of_another_kind_are_refused_in_words(tmp_path, wron
     assert "expected a matplotlib Figure" in message or "must yield orbits.scenarios.Check" in message
 
 
+def test_what_is_not_conserved_is_null_in_the_report_and_not_a_word_that_json_does_not_have(tmp_path):
+    fading = pair().system.with_forces(orbits.terms.MassLoss(fraction=-1e-3))
+    perform(pair(system=fading, dt=None), out=tmp_path, plot=False)
+
+    def refused(word):
+        pytest.fail(f"{word} is no JSON")
+
+    report = json.loads((tmp_path / "report.json").read_text(), parse_constant=refused)
+    (run,) = report["cases"][""]["runs"].values()
+    assert run["largest_relative_change"]["centre_of_mass"] is None
+
+
 def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
     outcome = perform(
         pair(checks=lambda outcome: [Check("pigs fly", np.bool_(False), "0 of 3")]), out=tmp_path, plot=False

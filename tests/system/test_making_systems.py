@@ -150,6 +150,12 @@ def test_a_body_by_position_and_velocity() -> None:
     assert free.values.v[-1].tolist() == [0, 0, 0.01]
 
 
+def test_a_mapping_takes_positions_and_velocities_in_the_axes_of_the_system() -> None:
+    orbit = {"q": [1, 0, 0.5] * u.au, "v": [0, 5, 25] * u.km / u.s}
+    mapped = System.from_elements({"Sun": {"mass": 1 * u.M_sun}, "comet": orbit})
+    assert mapped == System.from_elements({"Sun": {"mass": 1 * u.M_sun}}).add("comet", primary="Sun", **orbit)
+
+
 def test_a_moon_of_a_planet_in_one_mapping() -> None:
     system = System.from_elements(
         {

@@ -138,3 +138,18 @@ def test_two_losses_of_a_star_add_up_in_elements_as_they_do_in_the_force() -> No
     star = System(["star"], [1.0], np.zeros((1, 3)), np.zeros((1, 3)), units=DIMENSIONLESS).with_forces(*losses)
     star = star.add("b", primary="star", q=[2.0, 0.0, 0.0], v=[0.0, 0.5, 0.0])
     assert star.elements("star")["b"].a.value == pytest.approx(2.0, rel=1e-15)  # a circle, as GM is 1/2
+
+
+def test_the_centre_of_mass_is_of_the_mass_that_a_star_has_left() -> None:
+    times, left = np.array([0.0, 20.0, 100.0]), np.array([1.0, 0.9, 0.5])
+    q = np.broadcast_to([[0.0, 0.0, 0.0], [2.0, 0.0, 1.0]], (3, 2, 3))
+    system = System(["star", "planet"], [1.0, 0.1], q[0], q[0][::-1], units=DIMENSIONLESS)
+    system = system.with_forces(MassLoss(fraction=-0.005))
+    run = Trajectory(system, times, q, np.zeros(q.shape), step=0.1, integrator=Gauss(stages=8))
+    expected = 0.1 * q[:, 1] / (left + 0.1)[:, None]
+    np.testing.assert_allclose(run.centre_of_mass().value, expected, rtol=2 * EPS)
+    assert run[1:1].centre_of_mass().shape == (0, 3)
+    np.testing.assert_allclose(run[2].centre_of_mass().value, expected[2], rtol=2 * EPS)
+    moved = run[2].barycentric().values
+    np.testing.assert_allclose(0.5 * moved.q[0] + 0.1 * moved.q[1], 0.0, atol=EPS)
+    np.testing.assert_allclose(0.5 * moved.v[0] + 0.1 * moved.v[1], 0.0, atol=EPS)

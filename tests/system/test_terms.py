@@ -71,6 +71,20 @@ def test_terms_stay_where_bodies_move_and_come_and_go(system):
     assert (made + system).terms == made.terms
 
 
+def test_forces_of_joined_systems_never_act_twice_on_a_body(system):
+    def dragged(rate, *bodies):
+        return system.with_forces(Drag(rate=rate / u.yr, bodies=list(bodies) or None))
+
+    assert dragged(1, "Ceres") + dragged(1, "Ceres") == dragged(1, "Ceres")
+    assert len((dragged(1, "Ceres") + dragged(2, "Jupiter")).forces) == 2
+    for one, other in ((dragged(1, "Ceres"), dragged(2, "Jupiter", "Ceres")), (dragged(1), dragged(1, "Ceres"))):
+        with pytest.raises(InputError, match="Drag acts on Ceres in both systems, with other numbers"):
+            one + other
+    rigid = [system.with_rigid("Ceres", orbits.RigidBody(shape=(size, 2, 1) * u.km, attitude="Sun")) for size in (3, 4)]
+    with pytest.raises(InputError, match="RigidBodies acts on Ceres in both systems"):
+        rigid[0] + rigid[1]
+
+
 def test_what_acts_by_or_on_a_body_alone_goes_with_it(system):
     rate = 1e-6 / u.yr
     forces = [Drag(rate=rate, bodies=bodies) for bodies in (["Ceres"], ["Jupiter", "Ceres"], None)]

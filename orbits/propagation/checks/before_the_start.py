@@ -12,7 +12,7 @@ from orbits.checks import checked_flag
 from orbits.errors import InputError, UnknownNameError, with_unit
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
-from orbits.point_masses import masses_at
+from orbits.point_masses import changed_masses
 from orbits.propagation.checks import step_check
 from orbits.propagation.checks.precision import warn_if_far
 from orbits.propagation.checks.rigid_runs import is_rigid, turning_fast
@@ -106,7 +106,7 @@ def check_span(system: System, grid: TimeGrid) -> None:
         term.check_span(grid.end, system.units)
     for force in system.forces:
         felt = [replace(other, bodies=None) for other in system.forces if other is force or other.bodies is None]
-        gm = masses_at(grid.end, felt, system.values.gm, system.names, system.units)
+        gm = changed_masses(grid.end, felt, system.values.gm, system.names, system.units)
         for name, left in zip(system.names, gm.tolist(), strict=True):
             if left < 0.0:
                 until = with_unit(f"{grid.end:g}", system.units.time)
