@@ -220,9 +220,9 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
         orbits.ensemble.particles(planets, {"q": q, "v": v})               # (n, 3) each, about the origin
 
     bodies : a `System`; all its bodies go into each block, where massless ones of it are integrated along
-    members : a catalogue; a `System` with massless bodies and the forces on them, which fits as in `bodies + members`;
-        or a mapping with positions q and velocities v, (n, 3), as quantities or in the units of the system, and
-        optionally names
+    members : a catalogue; a `System` with massless bodies and the forces that name them, which fits as in `bodies +
+        members`; or a mapping with positions q and velocities v, (n, 3), as quantities or in the units of the system,
+        and optionally names
     propagate_to_epoch : of a catalogue, as in `System.add_particles`
 
     Particles do not influence each other. Raises InputError for no members, and as `System.add` and `add_particles` do.
@@ -230,9 +230,10 @@ def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False)
     if not isinstance(bodies, System):
         raise InputError(f"bodies is {shown(bodies)}; expected an orbits.System, among whose bodies the members move.")
     if isinstance(members, System):
-        whole = bodies + members
-        kept = whole.remove(*np.array(members.names)[members.massive & ~np.isin(members.names, bodies.names)].tolist())
-        return among(kept, whole, np.flatnonzero(np.isin(whole.names, members.names) & ~whole.massive))
+        massless = np.array(members.names)[~members.massive].tolist()
+        there = bodies.remove(*np.array(bodies.names)[~bodies.massive & np.isin(bodies.names, massless)].tolist())
+        whole = there + members.replaced(terms=(), forces=_on(massless, members.forces))
+        return among(there, whole, np.flatnonzero(np.isin(whole.names, massless)))
     if isinstance(members, Catalogue):
         whole = bodies.add_particles(members, propagate_to_epoch=propagate_to_epoch)
         return among(bodies, whole, np.arange(len(bodies), len(whole)))

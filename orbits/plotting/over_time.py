@@ -248,7 +248,8 @@ def _mark(
     for time, names in marks.at:
         k = next((places[one] for one in names if one in places), None)
         if k is not None:
-            value = on_line(factor * time, t[order], values[order, k], 360.0 if name in TURNING else None)
+            line = values[order, k]
+            value = on_line(factor * time, t[order], line, 360.0 if name in TURNING and _is_round(line) else None)
             colour = looks.get(known.bodies[k], {}).get("color", style.GREY)
             axes.plot(factor * time, value, marks.symbol, ms=11, mec="white", mew=0.5, color=colour, zorder=5)
             any_there = any_there or bool(np.isfinite(value))

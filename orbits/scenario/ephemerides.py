@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.errors import InputError, shown
 from orbits.scenario.typed import number_or_text
@@ -13,6 +14,8 @@ from orbits.time_grid import times_since
 from orbits.time_grid.reading import is_date
 
 if TYPE_CHECKING:
+    from astropy.time import Time
+
     from orbits.observing import Ephemeris
     from orbits.trajectory import Trajectory
 
@@ -76,12 +79,15 @@ def typed_times(run: Trajectory, start: str | None, stop: str | None, step: str 
 
 
 def _grid(run: Trajectory, first: float, last: float, length: float, *, utc: bool) -> Any:
-    """Return times since the epoch, or dates of UTC, whose days are even there. Raises InputError for too many."""
+    """Return times since the epoch; of UTC dates, by the clock on the wall, in which no day has more than 86,400 s.
+
+    Raises InputError for too many.
+    """
     span = last - first
     if utc:
-        ends = _utc(run, np.array([first, last]))
-        day = float((1.0 * run.system.units.time).to_value("d"))
-        span = float(np.diff(ends.jd1)[0] + np.diff(ends.jd2)[0]) / day
+        begin, end = _on_the_wall(_utc(run, np.array([first, last])))
+        seconds = float((1.0 * run.system.units.time).to_value("s"))
+        span = float((end - begin) / np.timedelta64(1, "ns")) * 1e-9 / seconds
     count = math.floor(span / length + ROUNDING) + 1
     if count > MOST_TIMES:
         raise InputError(f"{count:,} times from --from to --to; at most {MOST_TIMES:,} are possible.")
@@ -90,8 +96,17 @@ def _grid(run: Trajectory, first: float, last: float, length: float, *, utc: boo
         return np.minimum(first + since, last)
     from astropy.time import Time
 
-    even = Time(ends.jd1[0], ends.jd2[0] + since * day, format="jd", scale="utc")
-    return _utc(run, np.minimum(times_since(run.system, even, "--from"), last))
+    dates = begin + np.rint(since * seconds * 1e9).astype("timedelta64[ns]")
+    times = times_since(run.system, Time(dates, format="datetime64", scale="utc"), "--from")
+    return _utc(run, np.clip(times, first, last))
+
+
+def _on_the_wall(dates: Time) -> NDArray[np.datetime64]:
+    """Return dates of UTC to a microsecond; those in a leap second are a second later."""
+    of = dates.ymdhms
+    days = np.array([f"{y:04d}-{m:02d}-{d:02d}" for y, m, d in zip(of.year, of.month, of.day, strict=True)])
+    micros = np.rint(1e6 * (3600.0 * of.hour + 60.0 * of.minute + of.second))
+    return np.asarray(days.astype("datetime64[ns]") + micros.astype("timedelta64[us]"))
 
 
 def _utc(run: Trajectory, since: Any) -> Any:

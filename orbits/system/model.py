@@ -165,13 +165,14 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
     from orbits.forces.central import CentralForce
 
     found: list[Force] = []
+    known = set(names)
     for force in _each(forces, Force, "a force, such as orbits.terms.Drag(...)", "forces"):
         kind, bodies = type(force).__name__, force.bodies
         if bodies is not None:
             given = [bodies] if isinstance(bodies, str) else bodies
             if not isinstance(given, list | tuple) or not given:
                 raise InputError(f"{kind}: bodies is {shown(bodies)}; expected names, or None for all bodies.")
-            bodies = tuple(names[index_of(name, names, of=kind)] for name in given)
+            bodies = tuple(_named(name, known) or names[index_of(name, names, of=kind)] for name in given)
             if len(set(bodies)) < len(bodies):
                 raise InputError(f"{kind}: bodies names one body twice, {shown(given)}; expected each once.")
         named: dict[str, Any] = {"bodies": bodies}
@@ -184,6 +185,11 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
                 )
         found.append(replace(force, **named).in_units(units))
     return _with_one_of_rigid(found, names, gm)
+
+
+def _named(name: Any, known: Set[str]) -> str | None:
+    """Return a name that is written as it is known; None for others: forces may name 100,000 bodies."""
+    return str(name) if isinstance(name, str) and name in known else None
 
 
 def _with_one_of_rigid(forces: Sequence[Any], names: Sequence[str], gm: Array) -> tuple[Force, ...]:

@@ -249,7 +249,7 @@ def united(one: System, other: System) -> dict[str, Any]:
     mine, theirs = one.values, other.values
     if mine.softening != theirs.softening:
         raise InputError(f"softening is {one.softening} and {other.softening}; expected the same for all bodies.")
-    new, known = [], [np.zeros(len(x)) if x.radii is None else x.radii.value for x in (one, other)]
+    new, known = [], [np.zeros(len(x)) if x.radii is None else x.radii.value.copy() for x in (one, other)]
     for i, name in enumerate(other.names):
         if name not in one.names:
             new.append(i)
@@ -266,12 +266,13 @@ def united(one: System, other: System) -> dict[str, Any]:
                 f"both systems have {name!r}, {apart:.6g} apart; expected different names or exactly the same values. "
                 f"Remove it from one of them.{remedy}"
             )
-        if known[0][k] != known[1][i]:
+        if 0.0 < known[0][k] != known[1][i] > 0.0:
             sizes = " and ".join(f"{u.Quantity(x, one.units.length):.6g}" for x in (known[0][k], known[1][i]))
             raise InputError(
                 f"both systems have {name!r}, with the radii {sizes}; expected the same: replaced(radii=...), "
                 "or remove it from one of them."
             )
+        known[0][k] = max(known[0][k], known[1][i])
     radii = None
     if one.radii is not None or other.radii is not None:
         radii = np.concatenate([known[0], known[1][new]])

@@ -15,9 +15,6 @@ from orbits.units import UnitSystem
 
 Floats = NDArray[np.float64]
 
-RELATIVITY = "post-newtonian", "nobili-roxburgh"
-"""The kinds of terms that are relativity."""
-
 
 def checked_values(names: Sequence[str], gm: Any, q: Any, v: Any, softening: Any, units: UnitSystem) -> PointMasses:
     """Return the floats of a system in `units`, read-only and C-contiguous.
@@ -121,26 +118,3 @@ def check_apart(gm: Floats, q: Floats, names: Sequence[str], unit: Any) -> None:
             f"{with_unit(q[heavy].tolist(), unit)}; expected different positions: at zero distance the attraction is "
             "infinite. Move one, or set a softening."
         )
-
-
-def check_once(terms: Sequence[Any], forces: Sequence[Any], names: Sequence[str]) -> None:
-    """Raise InputError for a body with a J2 by two terms, or by a term and as a rigid body, and for one with relativity
-    by two terms.
-    """
-    acting = [(term.body, "has a J2", type(term).__name__) for term in terms if getattr(term, "J2", 0.0) != 0.0]
-    for force in forces:
-        if hasattr(force, "moments"):  # rigid bodies
-            moments = zip(force.bodies, force.moments, strict=True)
-            acting += [(name, "has a J2", "RigidBody") for name, ABC in moments if np.ptp(ABC) > 0.0]
-    for term in terms:
-        if term.kind in RELATIVITY:
-            of = getattr(term, "sources", None) or (names if term.body is None else [term.body])
-            acting += [(name, "has relativity", type(term).__name__) for name in of]
-    found: dict[tuple[str, str], str] = {}
-    for name, what, kind in acting:
-        earlier = found.setdefault((name, what), kind)
-        if earlier != kind:
-            raise InputError(
-                f"{name!r} {what} twice, by {earlier} and by {kind}; expected one of them, as they add up. Leave the "
-                "other one out: system.replaced(terms=[...])."
-            )

@@ -102,7 +102,6 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
             ("_derived", {}),
         ):
             object.__setattr__(self, attribute, value)
-        state_checks.check_once(self._terms, self._forces, names)
 
     # -------------------------------------------------------------------------------------------------- constructors
 

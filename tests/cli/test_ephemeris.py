@@ -49,6 +49,16 @@ def test_days_of_utc_are_even_and_the_last_is_among_them(first, last):
     assert {date[11:] for date in dates.isot} == {"00:00:00.000"}
 
 
+def test_on_a_day_with_a_leap_second_the_clock_on_the_wall_counts():
+    system = orbits.System.solar_system("2016-12-30", bodies=["Sun", "Mars"])
+    run = orbits.propagate(system, duration="6 d", samples=2)
+    dates = typed_times(run, "2016-12-31T06:00", "2016-12-31T07:00", "20 min", utc=True)
+    assert [date[11:] for date in dates.isot] == ["06:00:00.000", "06:20:00.000", "06:40:00.000", "07:00:00.000"]
+    dates = typed_times(run, "2016-12-31T12:00", "2017-01-02T12:00", "1 d", utc=True)
+    assert {date[11:] for date in dates.isot} == {"12:00:00.000"}
+    assert len(dates) == 3
+
+
 def test_json_has_the_figures_of_the_ephemeris(archive):
     found = json.loads(typed(archive, "--observer=-70.7366,-30.2407,2663", "--body", "Mars", "--json").stdout)
     run = orbits.Trajectory.open(archive)

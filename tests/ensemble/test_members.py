@@ -200,6 +200,14 @@ def test_members_keep_the_forces_that_name_them():
         ("p0",): (0.1,), ("p2 clone 0", "p2 clone 1"): 0.2}  # fmt: skip
 
 
+def test_what_acts_on_all_in_the_system_of_the_members_acts_on_none_of_the_bodies():
+    relativity, drag = orbits.terms.PostNewtonian(), orbits.terms.Drag(rate=1e-3 / u.yr)
+    found = ensemble.particles(giants(), system(3).with_terms(relativity).with_forces(drag))
+    assert (found.bodies.terms, found.bodies.forces, found.forces) == ((), (), ())
+    moved = ensemble.particles(system(3), system(3).remove("p1", "p2").replaced(radii=[1e-3, 0, 0, 0]))
+    assert (list(moved.names), moved.bodies.names[-2:]) == (["p0"], ("p1", "p2"))
+
+
 def test_a_system_whose_members_do_not_fit_among_the_bodies_is_refused():
     """Numbers in other units and from another origin were taken as they were: 2.5 au became 2.5 km."""
     metres = orbits.UnitSystem("metres", u.m, u.s, u.kg)

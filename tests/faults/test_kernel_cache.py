@@ -161,7 +161,6 @@ def planted_index(kept: Path, cache: Path, mark: Path) -> Path:
     return path
 
 
-@pytest.mark.nightly
 def test_a_cache_file_that_others_may_write_is_not_read(kept, tmp_path):
     program, right, cache = kept
     path = planted_index(cache, tmp_path / "cache", tmp_path / "executed")

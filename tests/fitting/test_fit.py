@@ -50,7 +50,6 @@ def test_an_orbit_is_found_without_a_start():
     assert mahalanobis(found, np.concatenate([q[0], v[0]])) < 6 * 1e-3**2
 
 
-@pytest.mark.nightly
 def test_errors_are_as_large_as_the_covariance_says():
     """Chi-squared with 6 degrees of freedom over 16 draws: its mean is 6, give or take sqrt(12 / 16) = 0.87.
 

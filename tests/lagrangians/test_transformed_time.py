@@ -94,7 +94,6 @@ def test_certificates_hold_for_a_lagrangian_of_ones_own(method):
     assert np.abs(residual).max() < 1e-13
 
 
-@pytest.mark.nightly
 def test_a_monitor_that_becomes_negative_ends_the_march():
     """The motion cannot reach x = 0, where time stands still, but a long step can jump over; from there time would run
     backwards. Without the guard around the monitor, only luck ends the march: the iteration of a later step.

@@ -202,22 +202,6 @@ BAD = {
         lambda s: s.with_terms(DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Ceres")),
         "^DegreeTwo: attitude has 'Ceres', but gm of 'Ceres' is 0; expected a massive body",
     ),
-    "two figures": (
-        lambda s: s.with_terms(zonal(), DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Jupiter")),
-        "^'Sun' has a J2 twice, by ZonalHarmonics and by DegreeTwo; expected one of them, as they add up",
-    ),
-    "a figure that turns": (
-        lambda s: s.with_terms(zonal()).with_rigid("Sun", orbits.RigidBody(shape=(3, 3, 2), spin=1.0)),
-        "^'Sun' has a J2 twice, by ZonalHarmonics and by RigidBody",
-    ),
-    "relativity twice": (
-        lambda s: s.with_terms(PostNewtonian(sources=["Jupiter", "Sun"]), NobiliRoxburgh("Sun")),
-        "^'Sun' has relativity twice, by PostNewtonian and by NobiliRoxburgh",
-    ),
-    "relativity of all and of one": (
-        lambda s: s.with_terms(NobiliRoxburgh("Sun"), PostNewtonian()),
-        "^'Sun' has relativity twice, by NobiliRoxburgh and by PostNewtonian",
-    ),
     "massless source": (lambda s: s.with_terms(PostNewtonian(sources=["Ceres"])), "expected a massive body"),
     "no rate": (lambda s: s.with_forces(Drag()), "rate is missing"),
     "rate": (
@@ -230,11 +214,42 @@ BAD = {
     "same": (lambda s: s.with_forces(Drag(rate=1 / u.yr, bodies=["Sun", "sun"])), "names one body twice"),
 }
 
+TWICE = {
+    "two figures": (
+        lambda s: s.with_terms(zonal(), DegreeTwo("Sun", J2=1e-4, C22=1e-5, radius=1, pole=POLE, attitude="Jupiter")),
+        "^'Sun' has a J2 twice, by ZonalHarmonics and by DegreeTwo; expected one of them, as they add up",
+    ),
+    "a figure that turns": (
+        lambda s: s.with_terms(zonal()).with_rigid("Sun", orbits.RigidBody(shape=(3, 3, 2) * u.km, spin=1.0)),
+        "^'Sun' has a J2 twice, by ZonalHarmonics and by RigidBody",
+    ),
+    "relativity twice": (
+        lambda s: s.with_terms(PostNewtonian(sources=["Jupiter", "Sun"]), NobiliRoxburgh("Sun")),
+        "^'Sun' has relativity twice, by PostNewtonian and by NobiliRoxburgh",
+    ),
+    "relativity of all and of one": (
+        lambda s: s.with_terms(NobiliRoxburgh("Sun"), PostNewtonian()),
+        "^'Sun' has relativity twice, by NobiliRoxburgh and by PostNewtonian",
+    ),
+    "C22 twice": (
+        lambda s: s.with_terms(DegreeTwo("Sun", J2=0, C22=1e-5, radius=1, pole=POLE, attitude="Jupiter")).with_rigid(
+            "Sun", orbits.RigidBody(shape=(3, 2, 1) * u.km, spin=1.0)
+        ),
+        "^'Sun' has a C22 twice, by DegreeTwo and by RigidBody",
+    ),
+}
+
 
 @each(("make", "message"), BAD.values())
 def test_what_cannot_act_is_refused_in_words(system, make, message):
     with pytest.raises(InputError, match=message):
         make(system)
+
+
+@each(("make", "message"), TWICE.values())
+def test_a_run_in_which_a_figure_or_relativity_counts_twice_is_refused(system, make, message):
+    with pytest.raises(InputError, match=message):
+        orbits.propagate(make(system), dt="1 d", duration="2 d")
 
 
 @pytest.mark.nightly

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from orbits import integrators
 from orbits.body_names import few
@@ -25,6 +28,9 @@ if TYPE_CHECKING:
     from orbits.time_grid import TimeGrid
 
 REFUSE = "refuse"
+
+RELATIVITY = "post-newtonian", "nobili-roxburgh"
+"""The kinds of terms that are relativity."""
 
 
 def checked_answer(check_step: Any) -> bool | str:
@@ -100,20 +106,49 @@ def check_what_is_kept(system: System, integrator: Integrator, seeking: Seeking,
 
 def check_span(system: System, grid: TimeGrid) -> None:
     """Raise EpochError, naming the term, if one does not describe the motion until the end of a run, and InputError,
-    naming the body, if a force has taken all of its mass before.
+    naming the body, if a force has taken all of its mass by then, or at the start.
     """
     for term in system.terms:
         term.check_span(grid.end, system.units)
-    for force in system.forces:
+    nominal = system.values.gm
+    for force, time in product(system.forces, (0.0, grid.end)):
+        # What one force takes is felt by its bodies alone, what others take by all: here all feel both.
         felt = [replace(other, bodies=None) for other in system.forces if other is force or other.bodies is None]
-        gm = changed_masses(grid.end, felt, system.values.gm, system.names, system.units)
-        for name, left in zip(system.names, gm.tolist(), strict=True):
-            if left < 0.0:
-                until = with_unit(f"{grid.end:g}", system.units.time)
-                raise InputError(
-                    f"{type(force).__name__}: gm of {name!r} would be {with_unit(f'{left:.6g}', system.units.gm)} at "
-                    f"the end of the run, {until}; expected mass to be left: make the run shorter."
-                )
+        gm = changed_masses(time, felt, nominal, system.names, system.units)
+        gone = np.flatnonzero((gm <= 0.0) & (nominal > 0.0))
+        if len(gone):
+            name, left = system.names[gone[0]], with_unit(f"{gm[gone[0]]:.6g}", system.units.gm)
+            when = with_unit(f"{time:g}", system.units.time)
+            raise InputError(
+                f"{type(force).__name__}: gm of {name!r} would be {left} at t = {when}; expected mass to be left: make "
+                "the run shorter, or begin the loss nearer to it."
+            )
+
+
+def check_once(system: System) -> None:
+    """Raise InputError for a body with a J2 or C22 by two terms, or by a term and as a rigid body, and for one with
+    relativity by two terms.
+    """
+    acting: list[tuple[Any, str, str]] = []
+    for term in system.terms:
+        for what in ("J2", "C22"):
+            if getattr(term, what, 0.0) != 0.0:
+                acting.append((term.body, f"has a {what}", type(term).__name__))
+        if term.kind in RELATIVITY:
+            of = getattr(term, "sources", None) or (system.names if term.body is None else [term.body])
+            acting += [(name, "has relativity", type(term).__name__) for name in of]
+    for force in system.forces:
+        for name, (A, B, C) in zip(force.bodies or (), getattr(force, "moments", ()), strict=False):  # of rigid bodies
+            figure = {"has a J2": not A == B == C, "has a C22": A != B}
+            acting += [(name, what, "RigidBody") for what, there in figure.items() if there]
+    found: dict[tuple[Any, str], str] = {}
+    for name, what, kind in acting:
+        earlier = found.setdefault((name, what), kind)
+        if earlier != kind:
+            raise InputError(
+                f"{name!r} {what} twice, by {earlier} and by {kind}; expected one of them, as they add up. Leave the "
+                "other one out: system.replaced(terms=[...])."
+            )
 
 
 def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, check_step: Any) -> None:
@@ -124,6 +159,7 @@ def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, c
     if checked_answer(check_step):
         warn_if_far(system, grid.end)
     check_span(system, grid)
+    check_once(system)
     warn_or_refuse(found_ahead(system, integrator, grid), check_step)
 
 
