@@ -328,6 +328,7 @@ class MotionSearch:
         return [said for _, said in sorted(self._remarks.items())]
 
     def add(self, row: Array, firm: bool) -> None:
+        """List an event; firm : whether the march goes on from there. Raises EventError if there are too many."""
         if self.log.full:
             often = np.bincount(self.log.rows[:, NUMBER].astype(int))
             most, when = int(np.argmax(often)), self.asked.when(row[TIME])
