@@ -344,7 +344,7 @@ def _sample(
             break
         store.add(q, v, accounts)
         index += len(q)
-        if watch.called_back(sample):
+        if watch.called_back(sample, accounts[0]):
             return False
         if store.full and index < len(grid.goals):
             store.commit(marcher)
