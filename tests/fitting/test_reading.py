@@ -195,6 +195,9 @@ def test_what_is_written_is_read(ra, dec, day, part):
         ("     ", "J95A010", "1995 A1"),
         ("     ", "PLS2040", "2040 P-L"),
         ("0001P", "", "1P"),
+        ("0001P", "J82U010", "1P"),
+        ("0073P", "      b", "73P-B"),  # other bodies than 73P
+        ("0073P", "     bb", "73P-BB"),
     ],
 )
 def test_packed_names_are_unpacked(number, provisional, name):
@@ -208,6 +211,15 @@ def test_times_before_utc_are_those_of_the_earth():
     assert (time - Time("1938-11-28", scale="tdb")).to_value(u.s) == pytest.approx(24.0, abs=0.5)  # Espenak: 24.0 s
     (later,) = Observations.parse(APOPHIS).time
     assert (later - Time("2004-03-15 02:35:21.696", scale="tdb")).to_value(u.s) == pytest.approx(64.184, abs=0.01)
+
+
+def test_times_on_a_day_with_a_leap_second_are_those_of_clocks():
+    clocks = ("2016-12-31T18:00:00", "2016-12-31T23:59:60.5", "2017-01-01T00:00:00", "1965-12-31T18:00:00")
+    head, row = CCD.splitlines()
+    rows = [row.replace("2023-07-06T00:17:43.77", clock) for clock in clocks]
+    found = Observations.parse("\n".join([head, *rows])).time
+    of_clocks = Time(list(clocks), scale="utc").tdb
+    assert np.abs((found - of_clocks).to_value(u.s)).max() < 1e-8  # parts of the longer day were 0.75 s late
 
 
 def test_uncertainties_are_those_of_veres_by_station_date_and_catalogue():
