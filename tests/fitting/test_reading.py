@@ -231,6 +231,12 @@ def test_uncertainties_are_those_of_veres_by_station_date_and_catalogue():
     assert sigma(APOPHIS[:-9] + "V" + APOPHIS[-8:-3] + "568") == [0.1]
     assert sigma(APOPHIS[:-9] + " " + APOPHIS[-8:-3] + "568") == [1.5]
     assert sigma(APOPHIS.replace("C2004", " 2004")) == [2.5]
+    in_space = EROS.splitlines()[1:3]
+    head, row = CCD.replace("|rmsRA|rmsDec", "").replace("|0.1|0.2", "").splitlines()
+    place = "|sys|ctr|pos1|pos2|pos3", "|ICRF_KM|399|4353.0030|-481.6100|1382.3400"
+    for station, expected in (("C51", 1.0), ("250", 1.5)):  # in both formats, whatever the mode
+        assert sigma(*(line[:-3] + station for line in in_space)) == [expected]
+        assert sigma(head + place[0], row.replace("568", station) + place[1]) == [expected]
     night = [APOPHIS.replace(".10789", f".1078{k}") for k in range(9)]
     assert sigma(*night) == pytest.approx([0.5 * 1.5] * 9)
     assert Observations.parse(CCD).sigma[0].to_value(u.arcsec).tolist() == [0.1, 0.2]
