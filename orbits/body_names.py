@@ -21,6 +21,17 @@ WITH_ARTICLE = re.compile(r"sun|earth|moon|(.+ )?barycent(er|re)", re.IGNORECASE
 """Names that take an article in a sentence."""
 
 
+class Named:
+    """A value with `names`, in which `name in value` is whether `value[name]` finds something."""
+
+    __slots__ = ()
+
+    def __contains__(self, item: object) -> bool:
+        """Whether there is a body of this name; for anything but a name, whether one of the items is equal to it."""
+        this: Any = self
+        return place_of(item, this.names) is not None if isinstance(item, str) else any(each == item for each in this)
+
+
 def checked_names(names: Any) -> tuple[str, ...]:
     """Return names as a tuple of str. Raises InputError for an invalid name, and for names that occur twice."""
     try:
