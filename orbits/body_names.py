@@ -33,9 +33,11 @@ class Named:
 
 
 def checked_names(names: Any) -> tuple[str, ...]:
-    """Return names as a tuple of str. Raises InputError for an invalid name, and for names that occur twice."""
+    """Return names as a tuple of str. Raises InputError for an invalid name, for names that occur twice, and for a set,
+    which has no order.
+    """
     try:
-        given = None if isinstance(names, str) else list(names)
+        given = None if isinstance(names, str | set | frozenset) else list(names)
     except TypeError:
         given = None
     if given is None:
