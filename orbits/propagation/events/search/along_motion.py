@@ -370,17 +370,9 @@ class MotionSearch:
                 )
 
     def _not_finite(self, number: int, error: NotFiniteError) -> EventError:
-        when, system = self.asked.when(error.time), self.asked.system
-        unseen = np.flatnonzero(~system.massive & ~self._there)
-        remedy = "Mend the function"
-        if self._bounds[number].bodies() is None and len(unseen):
-            name = system.names[unseen[0]]
-            remedy = (
-                f"Massless bodies are NaN in the functions of events that are not about them, as {name} here: give "
-                f"Event(..., bodies=({name!r},)) if the function needs it; else mend the function"
-            )
+        when = self.asked.when(error.time)
         return EventError(
             f"the function of {self.asked.said(number)} is {error.value} at {when}; expected finite numbers. "
-            f"{remedy}; all before stays readable.",
+            "Mend the function; all before stays readable.",
             time=error.time,
         )
