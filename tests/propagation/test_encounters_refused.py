@@ -88,6 +88,8 @@ def test_planets_and_radii_without_a_target_plane() -> None:
         orbits.target_plane(fall(), "Sun")
     with pytest.raises(InputError, match="body and planet are both 'Earth'"):
         orbits.target_plane(fall(), "Earth", body="Earth")
+    with pytest.raises(InputError, match="near must be a single number or quantity, got an array"):
+        orbits.target_plane(fall(), "Earth", near=[1.0, 2.0])
     for radius, message in (
         (6378.0, "begins .* AU from Earth"),
         (-1 * u.km, r"radius is <Quantity -1\. km>; expected a finite number above 0"),
