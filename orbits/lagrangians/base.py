@@ -102,6 +102,7 @@ class Lagrangian:
     symbolic : returns the formula in SymPy; None for handwritten kernels
     rotors : the rigid bodies among the coordinates, in their order; see `orbits.lagrangians.rigid_bodies`
     constraints : the functions g(q) that are 0 along motions, for users; empty for most Lagrangians
+    check_parameters : raises InputError for values of the parameters, by name, that the formula is not for
 
     Vectors of coordinates have shape (d,). For bodies in space, (n, 3) is accepted for (3n,). Numbers are in
     units of your choice. Raises InputError for invalid names, parameters, examples or symmetries.
@@ -119,6 +120,7 @@ class Lagrangian:
     symbolic: Callable[[], Any] | None = field(default=None, repr=False)
     rotors: tuple[Rotor, ...] = field(default=(), repr=False)
     constraints: tuple[str, ...] = ()
+    check_parameters: Callable[[Mapping[str, float]], None] | None = field(default=None, repr=False)
 
     if TYPE_CHECKING:  # set by the package `orbits.lagrangians`
         from_sympy: ClassVar[Callable[..., Lagrangian]]
@@ -134,6 +136,8 @@ class Lagrangian:
             raise InputError(f"'{self.name}': parameters must be values by name, got {shown(self.parameters)}")
         values = {key: finite_number(value, f"parameter {key}") for key, value in self.parameters.items()}
         object.__setattr__(self, "parameters", values)
+        if self.check_parameters is not None:
+            self.check_parameters(values)
         if self.example is not None:
             self.vector(self.example.q, "the example's q")
             self.vector(self.example.v, "the example's v")

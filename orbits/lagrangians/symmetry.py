@@ -74,18 +74,32 @@ class Symmetry:
                 continue  # compiled elsewhere: its arguments are unknown
 
     def moved(self, s: float, q: Array, t: float = 0.0) -> Array:
-        """Return q moved by the group at the time t, (d,)."""
-        return self.flow(s, q, t) if self.timed else self.flow(s, q)
+        """Return q moved by the group at the time t, (d,). Raises InputError as `xi`."""
+        return self._called("flow", np.shape(q), q, t, s)
 
     def xi(self, q: Array, t: float = 0.0) -> Array:
-        """Return the generator at q and t, (d,)."""
-        return self.generator(q, t) if self.timed else self.generator(q)
+        """Return the generator at q and t, (d,). Raises InputError for anything but d finite real numbers."""
+        return self._called("generator", np.shape(q), q, t)
 
     def K(self, q: Array, t: float = 0.0) -> float:
-        """Return the gauge term at q and t; 0 without one."""
-        if self.gauge is None:
-            return 0.0
-        return float(self.gauge(q, t) if self.timed else self.gauge(q))
+        """Return the gauge term at q and t; 0 without one. Raises InputError for anything but a finite number."""
+        return 0.0 if self.gauge is None else float(self._called("gauge", (), q, t))
+
+    def _called(self, part: str, shape: tuple[int, ...], q: Array, t: float, *before: float) -> Array:
+        """Return what a function of a user returns at q and t, which may not act on such points."""
+        arguments = [*before, q, *([t] if self.timed else [])]
+        try:
+            found = np.asarray(getattr(self, part)(*arguments))
+        except (ValueError, IndexError) as error:
+            raise InputError(f"{self.name}: the {part} takes no point of shape {np.shape(q)}: {error}") from error
+        if found.shape != shape:
+            raise InputError(
+                f"{self.name}: the {part} returns shape {found.shape} for a point of shape {np.shape(q)}; expected "
+                f"{shape or 'a number'}"
+            )
+        if found.dtype.kind not in "fiu" or not np.isfinite(found).all():
+            raise InputError(f"{self.name}: the {part} is {shown(found)} at q = {shown(q)}; expected finite numbers")
+        return found
 
     def charge(self, q: Array, p: Array, t: float = 0.0) -> float:
         """Return Noether's charge p . xi(q, t) - K(q, t)."""

@@ -10,7 +10,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import chosen, few, index_of
+from orbits.body_names import Named, chosen, few, index_of
 from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, html_table, text_table
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Head:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Ephemeris(Tabular):
+class Ephemeris(Named, Tabular):
     """What an observer sees of bodies: quantities of shape (m, bodies), or (m,) of one that was asked for by name.
 
     names : the bodies; t : times since the epoch, (m,); epoch : a Time; head : see `Head`

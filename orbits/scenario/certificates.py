@@ -67,8 +67,7 @@ def certify_scenario(
     """
     file = replaceable(results_folder(out or Path("results") / scenario.name) / "certificate.json")
     certified = []
-    for case, problem, method, own, start in _problems(scenario, integrator):
-        step = own if dt is None else dt
+    for case, problem, method, step, start in _problems(scenario, integrator, dt):
         if step is None or isinstance(step, Adaptive):
             raise InputError(
                 f"{scenario.name!r} has adaptive steps, and a certificate needs steps of one length: give their length "
@@ -99,12 +98,14 @@ def to_record(outcome: CertifyOutcome) -> dict[str, Any]:
     }
 
 
-def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str, Any, Any, Any, dict[str, Any]]]:
+def _problems(
+    scenario: Scenario | Study, integrator: Any, dt: Any
+) -> Iterator[tuple[str, Any, Any, Any, dict[str, Any]]]:
     if isinstance(scenario, Scenario):
         with located():
             cases, own = scenario.cases(), scenario.step()
         for case, system in cases.items():
-            step = own
+            step = own if dt is None else dt
             if isinstance(step, str):  # a text such as "P/100", which this system gives a meaning
                 step = TimeGrid.of(system, step, duration=scenario.duration, samples=2).dt
             for method in scenario.integrators if integrator is None else (integrator,):
@@ -120,4 +121,4 @@ def _problems(scenario: Scenario | Study, integrator: Any) -> Iterator[tuple[str
             if problem in seen:
                 continue
             seen.append(problem)
-        yield "", problem, integrator or method, step, dict(zip(("q", "v"), start, strict=False))
+        yield "", problem, integrator or method, step if dt is None else dt, dict(zip(("q", "v"), start, strict=False))

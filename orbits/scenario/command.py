@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 Dt = Annotated[
     str | None,
     typer.Option(
-        help="Step: '6 d', or a number in the system's unit of time; adaptive or adaptive:1e-8 for steps chosen one by "
-        "one, to a tolerance; transformed or transformed:0.3 for constant steps of transformed time.",
+        help="Step: '6 d', a number in the system's unit of time, or P/20, a twentieth of the shortest orbital period, "
+        "with --duration for the direction; adaptive or adaptive:1e-8 for steps chosen one by one, to a tolerance; "
+        "transformed or transformed:0.3 for constant steps of transformed time.",
         metavar="STEP",
     ),
 ]

@@ -35,14 +35,17 @@ CLOCKS = {
 
 def step_or_clock(text: str, option: str) -> Any:
     """Return "adaptive", "adaptive:1e-8" and "adaptive(tolerance=1e-8)" as `orbits.Adaptive(...)`, "transformed" with
-    a step as `orbits.TimeTransformed(...)`, anything else as `quantity` does.
+    a step as `orbits.TimeTransformed(...)`, "P/20" as it is, which systems give a meaning, anything else as `quantity`
+    does.
 
     Raises InputError, naming the option, for anything that cannot be read.
     """
     typed = text.strip().lower()
     word = next((word for word in CLOCKS if typed.startswith(word)), None)
     if word is None:
-        return quantity(text, option)
+        from orbits.time_grid.step_length import FRACTION
+
+        return text if FRACTION.fullmatch(text) else quantity(text, option)
     from orbits.marching.clocks.adaptive import Adaptive
     from orbits.marching.clocks.transformed import TimeTransformed
 

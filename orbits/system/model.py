@@ -15,7 +15,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import few, index_of
+from orbits.body_names import few, index_of, indices_of
 from orbits.errors import InputError, shown
 from orbits.point_masses import changed_masses
 from orbits.system.rigid_body import RIGID, RigidBody
@@ -165,14 +165,13 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
     from orbits.forces.central import CentralForce
 
     found: list[Force] = []
-    known = set(names)
     for force in _each(forces, Force, "a force, such as orbits.terms.Drag(...)", "forces"):
         kind, bodies = type(force).__name__, force.bodies
         if bodies is not None:
             given = [bodies] if isinstance(bodies, str) else bodies
             if not isinstance(given, list | tuple) or not given:
                 raise InputError(f"{kind}: bodies is {shown(bodies)}; expected names, or None for all bodies.")
-            bodies = tuple(_named(name, known) or names[index_of(name, names, of=kind)] for name in given)
+            bodies = tuple(names[k] for k in indices_of(given, names, of=kind))
             if len(set(bodies)) < len(bodies):
                 raise InputError(f"{kind}: bodies names one body twice, {shown(given)}; expected each once.")
         named: dict[str, Any] = {"bodies": bodies}
@@ -185,11 +184,6 @@ def checked_forces(forces: Any, names: Sequence[str], gm: Array, units: UnitSyst
                 )
         found.append(replace(force, **named).in_units(units))
     return _with_one_of_rigid(found, names, gm)
-
-
-def _named(name: Any, known: Set[str]) -> str | None:
-    """Return a name that is written as it is known; None for others: forces may name 100,000 bodies."""
-    return str(name) if isinstance(name, str) and name in known else None
 
 
 def _with_one_of_rigid(forces: Sequence[Any], names: Sequence[str], gm: Array) -> tuple[Force, ...]:
@@ -211,8 +205,8 @@ def _source(force: CentralForce, bodies: Any, names: Sequence[str], gm: Array) -
         )
     if bodies is not None and names[i] in bodies:
         raise InputError(f"{kind} comes from {names[i]!r} and cannot act on it; leave {names[i]!r} out of bodies.")
-    without = [name for name in bodies or () if not gm[names.index(name)] > 0.0]
-    if force.by_mass and without:
+    without = [name for name in bodies or () if not gm[names.index(name)] > 0.0] if force.by_mass else ()
+    if without:
         raise InputError(f"{kind} acts by the masses of bodies, but gm of {without[0]!r} is 0; expected massive ones.")
     return names[i]
 
@@ -232,14 +226,12 @@ def together(one: System, other: System) -> dict[str, Any]:
     for mine, theirs in product(one.forces, other.forces):
         if mine in other.forces or theirs in one.forces or (mine.kind, mine.owner) != (theirs.kind, theirs.owner):
             continue
-        twice = [
-            name
-            for name in (*one.names, *other.names)
-            if all(x.bodies is None or name in x.bodies for x in (mine, theirs))
-        ]
+        all_names = dict.fromkeys((*one.names, *other.names))
+        on = [set(all_names if x.bodies is None else x.bodies) for x in (mine, theirs)]
+        twice = [name for name in all_names if name in on[0] and name in on[1]]
         if twice:
             raise InputError(
-                f"{type(mine).__name__} acts on {few(list(dict.fromkeys(twice)), 3)} in both systems, with other "
+                f"{type(mine).__name__} acts on {few(twice, 3)} in both systems, with other "
                 "numbers; expected the same force, or one of them alone: system.replaced(forces=[...])."
             )
     terms, forces = ((*mine, *(x for x in theirs if x not in mine)) for mine, theirs in _pairs(one, other))

@@ -249,12 +249,13 @@ def united(one: System, other: System) -> dict[str, Any]:
     mine, theirs = one.values, other.values
     if mine.softening != theirs.softening:
         raise InputError(f"softening is {one.softening} and {other.softening}; expected the same for all bodies.")
+    places = {name: k for k, name in enumerate(one.names)}
     new, known = [], [np.zeros(len(x)) if x.radii is None else x.radii.value.copy() for x in (one, other)]
     for i, name in enumerate(other.names):
-        if name not in one.names:
+        k = places.get(name)
+        if k is None:
             new.append(i)
             continue
-        k = one.names.index(name)
         if any(not np.array_equal(a[k], b[i]) for a, b in zip(mine[:3], theirs[:3], strict=True)):
             apart = u.Quantity(np.linalg.norm(mine.q[k] - theirs.q[i]), one.units.length)
             remedy = (

@@ -11,7 +11,7 @@ from astropy import units as u
 from astropy.units import Quantity
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.body_names import chosen, few, index_of, with_article
+from orbits.body_names import Named, chosen, few, index_of, with_article
 from orbits.elements import FRAMES, elements_from_state, to_frame
 from orbits.elements.kepler_equation import positive_angle
 from orbits.errors import InputError
@@ -30,7 +30,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class OrbitalElements(Tabled, Tabular):
+class OrbitalElements(Named, Tabled, Tabular):
     """Osculating elements of k bodies: quantities of shape (k,) for one state, (samples, k) for a run.
 
     names : the bodies, in the order of the last axis, without the primary

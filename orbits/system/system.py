@@ -9,7 +9,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import checked_names, index_of, place_of
+from orbits.body_names import checked_names, index_of, indices_of, place_of
 from orbits.elements import FRAMES, default_frame
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import Labelled, Tabular
@@ -276,8 +276,7 @@ class System(FromCatalogues, Bodies, Modelled, Questions, Tabular, Renamed):
 
         Raises UnknownNameError for a name that it does not have, InputError if no massive body would be left.
         """
-        places = {name: k for k, name in enumerate(self.names)}
-        gone = {places[name] if isinstance(name, str) and name in places else self.index(name) for name in names}
+        gone = set(indices_of(names, self.names))
         keep = [i for i in range(len(self)) if i not in gone]
         gm, q, v, _ = self.values
         radii = None if self._radii is None else self._radii[keep]

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from orbits.protocols import State
 
 
+FRACTION = re.compile(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*")
+"""A fraction of the shortest orbital period, as text: "P/20"."""
+
 PAIRS_AT_ONCE = 100_000
 """The pairs of bodies whose distances are in memory at the same time."""
 
@@ -71,7 +74,7 @@ def _from_text(system: State, dt: Any, span: float, what: str) -> Any:
     """
     if not isinstance(dt, str):
         return dt
-    match = re.fullmatch(r"\s*P\s*/\s*(\d+(?:\.\d*)?(?:[eE][+-]?\d+)?)\s*", dt)
+    match = FRACTION.fullmatch(dt)
     if match is None:
         expected = (
             f'a quantity (6 * u.day), a number in {str(system.units.time) or "units of time"}, a text with a unit '

@@ -10,7 +10,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import index_of
+from orbits.body_names import Named, index_of
 from orbits.checks import place_in
 from orbits.export import MOST_ROWS, Tabled, headed
 from orbits.units import date_text, written
@@ -50,7 +50,7 @@ class RetiredParticle:
         return f"{self.name}: {when}, step {self.step + 1:,}: {self.reason}"
 
 
-class RetiredParticles(Tabled, Sequence[RetiredParticle]):
+class RetiredParticles(Named, Tabled, Sequence[RetiredParticle]):
     """The retired particles of a run, in the order of its bodies, by index or name. Empty for most runs."""
 
     def __init__(self, particles: Iterable[RetiredParticle] = ()) -> None:

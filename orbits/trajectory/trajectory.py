@@ -12,7 +12,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import index_of
+from orbits.body_names import Named, index_of
 from orbits.checks import finite_numbers, place_in
 from orbits.errors import InputError, shown, with_unit
 from orbits.export import Labelled, Tabular
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Trajectory(MarchedAgain, Conservation, Tabular, Renamed):
+class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
     """The samples of a run.
 
     system : the initial state, which also determines names, GM, units and epoch

@@ -127,6 +127,9 @@ def test_bad_input_is_refused():
     for other, text in (
         (translation([1.0, 0.0, 0.0]), r"translation: the generator returns shape \(3,\) for a point of shape \(2,\)"),
         (rotation([0.0, 0.0, 1.0]), r"rotation: the generator takes no point of shape \(2,\): cannot reshape"),
+        (Symmetry("mine", lambda s, q: q, lambda q: q * np.nan), r"mine: the generator is .*nan.*finite numbers"),
+        (Symmetry("mine", lambda s, q: q, lambda q: q * 1j), r"mine: the generator is .*j.*finite numbers"),
+        (Symmetry("mine", lambda s, q: q, lambda q: q, lambda q: q), r"the gauge returns shape \(2,\) for .* a number"),
     ):
         with pytest.raises(InputError, match=text):
             discrete.momentum_map(other, Q, Q)

@@ -26,6 +26,7 @@ from ..coverings import each, first
 
 q, v, w, k, t = sympy.symbols("q v w k t")
 x, y, vx, vy = sympy.symbols("x y vx vy")
+positive = sympy.Symbol("k", positive=True)
 
 
 def made(L, **changes):
@@ -169,6 +170,10 @@ WRONG_USES = {
     "text": (lambda: PENDULUM.value("a", [0.0]), "must be 1 real numbers"),
     "ragged": (lambda: KEPLER.value([[1.0], [1.0, 2.0]], [0.0, 0.0]), "must be 2 real numbers"),
     "parameter": (lambda: PENDULUM.with_parameters(length=2.0), "no parameter length; it has: m, l, g"),
+    "parameter of another sign": (
+        lambda: made(v**2 / 2 - positive * q**2, parameters={positive: 2.0}).with_parameters(k=-2.0),
+        "parameter k was declared to SymPy with positive=True.*got -2.0",
+    ),
     "parameter value": (lambda: PENDULUM.with_parameters(g="x"), "parameter g must be a real number"),
     "dt": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.0, steps=3), "dt must be finite and not zero"),
     "dt nan": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=float("nan"), steps=3), "dt must be finite"),

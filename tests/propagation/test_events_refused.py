@@ -317,11 +317,17 @@ def with_a_comet():
     return pair().add("comet", primary="star", a=2.0, e=0.1)
 
 
-@pytest.mark.parametrize("symbols", [True, False], ids=["symbols", "function"])
-def test_a_function_of_a_massless_body_that_the_event_is_not_about_is_told_the_remedy(symbols):
-    x = Event.symbols("comet")[0]
-    function = x if symbols else (lambda t, q, v: q[:, 2, 0])
-    with pytest.raises(EventError, match=r"is nan at t = 0; .* as comet here: give Event\(..., bodies=\('comet',\)\)"):
+@pytest.mark.parametrize(
+    "function",
+    [
+        Event.symbols("comet")[0],
+        lambda t, q, v: q[:, 2, 0],
+        lambda t, q, v: np.where(q[:, 2, 0] > 0.0, 1.0, -1.0),  # of NaN a number
+    ],
+    ids=["symbols", "function", "sign"],
+)
+def test_a_function_of_a_massless_body_that_the_event_is_not_about_is_told_the_remedy(function):
+    with pytest.raises(InputError, match=r"NaN in .* as comet here: give Event\(..., bodies=\('comet',\)\)"):
         orbits.propagate(with_a_comet(), duration=6.0, events=Event(function, name="x"))
     found = orbits.propagate(with_a_comet(), duration=6.0, events=Event(function, name="x", bodies=("comet",)))
     assert len(found.events) == 1

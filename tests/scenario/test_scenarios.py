@@ -627,6 +627,7 @@ def test_a_tolerance_is_typed_as_a_methods_stages_are():
     assert step_or_clock("adaptive(1e-8)", "--dt") == orbits.Adaptive(tolerance=1e-8)
     assert step_or_clock("adaptive:1e-8", "--dt") == orbits.Adaptive(tolerance=1e-8)
     assert step_or_clock("6 d", "--dt") == 6 * u.day
+    assert step_or_clock("P/20", "--dt") == "P/20"
 
 
 @pytest.mark.parametrize("text", ["transformed:0.2", "Transformed : 0.2", "transformed(step=0.2)", "transformed(0.2)"])
@@ -661,7 +662,7 @@ def test_adaptive_steps_that_cannot_be_read_are_refused_in_words(text, message):
 def test_whatever_is_typed_as_a_step_is_read_or_refused(text):
     with contextlib.suppress(InputError):
         step = step_or_clock(text, "--dt")
-        assert isinstance(step, float | u.Quantity | ChangingSteps)
+        assert isinstance(step, float | str | u.Quantity | ChangingSteps)
 
 
 @given(st.text(max_size=30))

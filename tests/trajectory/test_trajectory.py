@@ -113,6 +113,9 @@ def test_a_body_by_its_name(run):
     assert path.q.unit == u.au
     with pytest.raises(UnknownNameError, match="Did you mean 'Jupiter'"):
         run["Jupitre"]
+    assert all(item in run for item in ("Jupiter", "jupiter", run[0]))
+    assert "Jupitre" not in run
+    assert [name in run.elements("Sun") for name in ("Jupiter", "Sun")] == [True, False]  # the primary has no orbit
 
 
 @pytest.mark.parametrize("k", [0, 3, -1, np.int64(-SAMPLES)])

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from orbits.checks import finite_number
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
 from orbits.lagrangians.base import (
@@ -23,6 +22,9 @@ from orbits.lagrangians.base import (
 )
 from orbits.lagrangians.symbolic.generation import Formula, module_text, name_of
 from orbits.lagrangians.symbolic.modules import digest, module
+
+DECLARED = ("real", "integer", "positive", "negative", "nonnegative", "nonpositive", "zero", "nonzero", "even", "odd")
+"""What symbols of parameters may be declared to be, in the words of SymPy, and numbers are or are not."""
 
 
 def from_sympy(
@@ -73,6 +75,7 @@ def from_sympy(
         source=source,
         symbolic=lambda: formula,
         constraints=tuple(str(g) for g in formula.constraints),
+        check_parameters=lambda values: _check_values(name, formula.parameters, values),
     )
 
 
@@ -174,14 +177,23 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
     names = [str(x) for x in parameters]
     if len(set(names)) < len(names):
         raise InputError(f"'{name}': two parameters have the same name: {', '.join(sorted(names))}")
-    for key, value in parameters.items():
-        number = finite_number(value, f"parameter {key}")
-        signs = ((key.is_positive, number > 0), (key.is_negative, number < 0), (key.is_nonnegative, number >= 0))
-        if any(assumed and not so for assumed, so in signs):
-            raise InputError(
-                f"'{name}': parameter {key} was declared to SymPy with a sign that {value!r} does not have"
-            )
     return Formula(name, expression, tuple(q), tuple(v), t, tuple(parameters))
+
+
+def _check_values(name: str, symbols: Iterable[Any], values: Mapping[str, float]) -> None:
+    """Raise InputError for a value that its symbol was declared not to have: SymPy has simplified L accordingly."""
+    import sympy
+
+    for symbol in symbols:
+        value = values[str(symbol)]
+        number = sympy.Integer(value) if value.is_integer() else sympy.Rational(value)
+        declared = [(fact, symbol.assumptions0[fact]) for fact in DECLARED if fact in symbol.assumptions0]
+        for fact, assumed in sorted(declared, key=lambda each: not each[1]):  # what is, before what is not
+            if getattr(number, f"is_{fact}") is not assumed:
+                raise InputError(
+                    f"'{name}': parameter {symbol} was declared to SymPy with {fact}={assumed}, and L is simplified "
+                    f"accordingly; got {value!r}. Declare the symbol without it, or give another value."
+                )
 
 
 def _checked_constraints(constraints: Any, name: str, d: int) -> tuple[Any, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -151,6 +152,23 @@ def _try(event: Event, own: Own, system: System) -> None:
         ) from error
     if not np.isfinite(found).all():
         raise InputError(f"Event {event.name!r} is {found[0]} at the start of the run; expected a finite number.")
+    unseen = ~system.massive
+    unseen[[system.index(name) for name in event.bodies]] = False
+    spoilt = (_without(own, system, unseen, value) for value in (np.nan, np.inf, -np.inf) if unseen.any())
+    if not all(np.array_equal(found, each) for each in spoilt):
+        name = system.names[int(np.argmax(unseen))]
+        raise InputError(
+            f"Event {event.name!r} depends on massless bodies, which are NaN in the functions of events that are not "
+            f"about them, as {name} here: give Event(..., bodies=({name!r},)) if the function needs it."
+        )
+
+
+def _without(own: Own, system: System, unseen: Any, value: float) -> Any:
+    """Return the function of the start with a value in place of bodies that it is not to see; None if it fails."""
+    q, v = (np.stack([np.where(unseen[:, None], value, x)] * 2) for x in system.values[1:3])
+    with np.errstate(all="ignore"), suppress(Exception):
+        return own.called(np.zeros(2), q, v)
+    return None
 
 
 def _vectorised(function: Any, system: System) -> Callable[[Array, Array, Array], Any]:
@@ -186,7 +204,10 @@ def _of_expression(expression: Any, system: System) -> Callable[[Array, Array, A
                 f"Event of an expression with {symbol}; expected t, and symbols of "
                 "orbits.events.Event.symbols(a body's name)."
             )
-    compiled = sympy.lambdify(used, expression, modules="numpy", cse=True)
+    try:
+        compiled = sympy.lambdify(used, expression, modules="numpy", cse=True)
+    except Exception as error:  # of functions and constants that it does not print
+        raise InputError(f"Event of {expression}, which NumPy cannot compute; write it as a function.") from error
 
     def of(t: Array, q: Array, v: Array) -> Array:
         values = [t if row < 0 else (q if k < 3 else v)[:, row, k % 3] for row, k in places]
