@@ -77,7 +77,7 @@ class TransitTimes:
         Passed over are empty lines, what follows a "#", and a first line without numbers. Raises InputError that names
         each other line which does not have these columns, and UnknownNameError for a planet that is not in `names`.
         """
-        found = _columns(path, columns, ("planet", "number", "time", "sigma"), ("planet",))
+        found = _columns(path, columns, ("planet", "number", "time", "sigma"), {"planet": planet})
         given = found.get("planet", np.full(len(found["time"]), "" if planet is None else planet))
         if names is not None:
             unknown = sorted({str(x) for x in given} - {str(x) for x in names})
@@ -160,7 +160,7 @@ class RadialVelocities:
         Passed over are empty lines, what follows a "#", and a first line without numbers. Raises InputError that names
         each other line which does not have these columns.
         """
-        found = _columns(path, columns, ("time", "velocity", "sigma", "instrument"), ("instrument",))
+        found = _columns(path, columns, ("time", "velocity", "sigma", "instrument"), {"instrument": instrument})
         given = found.get("instrument", Path(path).stem if instrument is None else instrument)
         try:
             one = u.Unit(unit).to(u.m / u.s) * u.m / u.s
@@ -295,14 +295,20 @@ def _span(time: Time) -> str:
 
 
 def _columns(
-    path: str | PathLike[str], columns: Sequence[str], known: Sequence[str], texts: Sequence[str]
+    path: str | PathLike[str], columns: Sequence[str], known: Sequence[str], texts: Mapping[str, Any]
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of a file by name. Raises InputError that names the lines which do not have them."""
+    """Return the columns of a file by name. Raises InputError that names the lines which do not have them.
+
+    texts : those that are no numbers, with what is given for all lines, or None
+    """
     listed = isinstance(columns, list | tuple)
     wrong = [x for x in columns if x not in (*known, LEFT_OUT)] if listed else [columns]
     missing = [x for x in known if listed and x not in columns and x not in ("planet", "number", "instrument")]
     if wrong or missing:
         raise InputError(f"columns is {shown(columns)}; expected {', '.join(known)}, '-' for others, in their order.")
+    for name, given in texts.items():
+        if given is not None and name in columns:
+            raise InputError(f"{name} is {shown(given)}, but a column has it, too; expected columns without {name!r}.")
     rows, bad, first = [], [], True
     for number, line in enumerate(_lines(path), 1):
         words = line.split("#")[0].replace(",", " ").split()

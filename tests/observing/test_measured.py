@@ -62,6 +62,7 @@ def test_each_line_that_is_not_understood_is_named(tmp_path):
     for given, message in (
         ({"columns": None}, "columns is None; expected time, velocity, sigma"),
         ({"unit": u.km}, r"unit is Unit\(\"km\"\); expected one of speed"),
+        ({"instrument": "x", "columns": ("instrument", "time", "velocity", "sigma")}, "'x', but a column has it, too"),
         ({"zero": None}, "zero must be a real number, got None"),
         ({"instrument": [1, 2]}, r"instrument is \[1, 2\]; expected a name"),
     ):
