@@ -57,6 +57,7 @@ class BoundForce:
         whose = f"the force {shown(self.name)}"
         if not isinstance(self.tag, Tag):
             raise InputError(f"{whose}: tag is {shown(self.tag)}; expected orbits.kernels.binding.Tag(name, kernels)")
+        self.tag.check()
         for name in ("parameters", "inner"):
             vector = getattr(self, name)
             is_vector = isinstance(vector, np.ndarray) and vector.dtype == np.float64 and vector.ndim == 1

@@ -305,6 +305,7 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
         vector = parameters(system.values.gm[system.massive], system.values.softening)
         return Model(newtonian, vector, tuple(forces))
     lagrangian = lagrangian_of(system)
+    lagrangian.tag.check()
     return Model(lagrangian, lagrangian.parameter_vector, tuple(forces))
 
 
