@@ -46,9 +46,10 @@ BY_MODE = {
     **dict.fromkeys(("T", "MER"), 0.5),
     **dict.fromkeys(("e", "ENC"), 0.75),
     **dict.fromkeys(("M", "MIC"), 2.0),
-    **dict.fromkeys(("S",), 1.5),
     **dict.fromkeys(("n",), 1.0),
 }
+FROM_SPACE = 1.5
+"""Of telescopes in space that have none of their own in BY_STATION, as WISE (C51) has."""
 PLATES_END, PLATES_OF_OLD = 2433282.5, 2411368.5
 """1950-01-01 and 1890-01-01."""
 
@@ -59,6 +60,8 @@ IN_A_NIGHT = 4
 def sigma(one: Record) -> float:
     """Return the uncertainty of an optical observation in each coordinate, arcseconds, as if it were alone."""
     jd = one.jd + one.part
+    if one.place is not None and not one.place.turns:
+        return BY_STATION.get(one.station, FROM_SPACE)
     if one.mode in BY_MODE:
         return BY_MODE[one.mode]
     if one.mode in PHOTOGRAPHIC and not (one.mode == "UNK" and one.catalogue in GAIA):

@@ -32,6 +32,8 @@ PROVISIONAL = re.compile(rf"([I-L])(\d\d)({HALF_MONTH})([0-9A-Za-z])(\d)([A-HJ-Z
 EXTENDED = re.compile(rf"_([0-9A-Za-z])({HALF_MONTH})([0-9A-Za-z]{{4}})")
 COMET = re.compile(rf"([I-L])(\d\d)({HALF_MONTH})([0-9A-Za-z])(\d)([0a-z])")
 """The last character is the fragment, 0 for none."""
+FRAGMENT = re.compile(r"(?:^|\d)([a-z]{1,2})$")
+"""Of a numbered comet, at the end of columns 6 to 12."""
 
 SURVEY = re.compile(r"(PL|T1|T2|T3)S(\d{4})")
 ANY = re.compile("|".join(f"(?:{form.pattern})" for form in (PROVISIONAL, EXTENDED, SURVEY)))
@@ -101,12 +103,14 @@ def _year(year: int) -> str:
 
 
 def name(number_columns: str, designation_columns: str) -> str:
-    """Return the name of a body by columns 1-5 and 6-12 of an observation: its number if it has one, such as "99942" or
-    "1P", otherwise its designation, such as "2004 MN4" or "C/2015 A1"; what is packed in no known way as it is.
+    """Return the name of a body by columns 1-5 and 6-12 of an observation: its number if it has one, such as "99942",
+    "1P" or, of a fragment, "73P-BB", otherwise its designation, such as "2004 MN4" or "C/2015 A1"; what is packed in no
+    known way as it is.
     """
     numbered, provisional = number_columns.strip(), designation_columns.strip()
     if re.fullmatch(r"\d{4}[A-Z]", numbered):
-        return numbered.lstrip("0")
+        part_of = FRAGMENT.search(provisional)
+        return numbered.lstrip("0") + (f"-{part_of[1].upper()}" if part_of else "")
     try:
         return str(number(numbered))
     except ValueError:

@@ -105,7 +105,7 @@ class Problem:
         if size == 0.0:
             raise InputError(
                 f"{self.lagrangian.name!r}: {what} stays 0 from this start, and errors are measured relative to it; "
-                "expected a motion: give another q and v (of a system, to its massive bodies)"
+                "expected a motion: give another q and v"
             )
         return size
 

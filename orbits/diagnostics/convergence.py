@@ -31,6 +31,12 @@ class Slope:
     h: tuple[float, ...]
     errors: tuple[float, ...]
 
+    @property
+    def bend(self) -> float:
+        """The largest difference between slopes from one error to the next: small where they converge by one order."""
+        local = np.diff(np.log(self.errors)) / np.diff(np.log(self.h))
+        return float(np.ptp(local)) if len(local) else 0.0
+
 
 def slope(h: Sequence[float], errors: Sequence[float], *, floor: float, ceiling: float, most: int = 5) -> Slope:
     """Fit the errors between `floor` and `ceiling`; if there are more than `most`, those of the shortest steps."""

@@ -341,8 +341,9 @@ def _at(system: System, epoch: Time) -> System:
     (field,) = (term for term in system.terms if isinstance(term, InEphemeris))
     plain = System.in_ephemeris(field.kernel, epoch=epoch, asteroids=field.asteroids or 0)
     if plain.names != system.names:
+        more = few([name for name in system.names if name not in plain.names]) or "other bodies"
         raise InputError(
-            "an orbit in this ephemeris has to begin from a given one; expected the body in the system: "
-            "system.add(name, q=..., v=...)."
+            f"the system has {more} among what attracts, so that an orbit has to begin from a given one; expected the "
+            "body of the observations in it, without a mass: system.add(name, q=..., v=...)."
         )
     return plain

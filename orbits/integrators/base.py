@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from orbits.errors import InputError
 from orbits.integrators.forms import Array, Form
-from orbits.integrators.maps.encounters import Encounters
+from orbits.integrators.maps.encounters import WARNED, Encounters
 from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, Lagrangian
 from orbits.tableaux import PartitionedTableau
 
@@ -107,7 +107,7 @@ class Integrator:
     @property
     def in_encounters(self) -> Encounters:
         """What is done in encounters that the method cannot follow."""
-        return Encounters()
+        return WARNED
 
     @property
     def looks_for_approaches(self) -> bool:

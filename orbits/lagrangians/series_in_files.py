@@ -23,7 +23,9 @@ Array = NDArray[np.float64]
 
 DAY, J2000 = 86400.0, 2451545.0
 KM_PER_AU = 149597870.7
-BARYCENTRE = 0
+BARYCENTRE, ICRF = 0, 1
+"""NAIF's numbers of the origin and of the axes, which NAIF calls J2000."""
+
 PARTS = {2: 3, 3: 6}
 """The types of segments that are read, with the number of series in a record; of type 3, the velocities are left out,
 as those of the positions are the same."""
@@ -50,6 +52,7 @@ class _Segment(NamedTuple):
     file: int
     target: int
     centre: int
+    frame: int
     kind: int
     start: float
     end: float
@@ -119,8 +122,9 @@ def _segments(file: int, path: str) -> list[_Segment]:
         for each in kernel.segments:
             directory: Any = kernel.daf.read_array(each.end_i - 3, each.end_i)
             initial, length, size, records = directory.tolist() if each.data_type in PARTS else (0.0, 1.0, 0, 0)
-            where = (file, each.target, each.center, each.data_type, each.start_jd, each.end_jd, each.start_i - 1)
-            out.append(_Segment(*where, initial, length, int(size), int(records)))
+            what = (file, each.target, each.center, each.frame, each.data_type)
+            where = (each.start_jd, each.end_jd, each.start_i - 1)
+            out.append(_Segment(*what, *where, initial, length, int(size), int(records)))
     return out
 
 
@@ -141,11 +145,11 @@ def _covering(
             f"the epoch, JD {jd1 + jd2:.1f} TDB, is outside {names}, which {'have' if len(files) > 1 else 'has'} body "
             f"{target} for {covered}. Choose an epoch in that range, or another kernel."
         )
-    known = [s for s in there if s.kind in PARTS]
+    known = [s for s in there if s.kind in PARTS and s.frame == ICRF]
     if not known:
         raise InputError(
-            f"{names}: the series of body {target} is of type {there[0].kind}; expected type 2 or 3, Chebyshev series, "
-            "as in JPL's planetary ephemerides and sb441-n16."
+            f"{names}: the series of body {target} is of type {there[0].kind}, in NAIF's frame {there[0].frame}; "
+            "expected type 2 or 3, Chebyshev series, in frame 1, J2000, as in JPL's ephemerides and sb441-n16."
         )
     return max(known, key=lambda s: s.end - s.start)
 

@@ -29,7 +29,7 @@ def dynamical(jd: Array, part: Array) -> Time:
     """
     early = jd + part < UTC_BEGINS
     out = np.array(part, dtype=np.float64)
-    later = Time(jd[~early], part[~early], format="jd", scale="utc").tdb
+    later = Time(jd[~early], _of_its_day(jd[~early], part[~early]), format="jd", scale="utc").tdb
     years = FIRST_YEAR + STEP * np.arange(len(TT_LESS_UT))
     year = 2000.0 + (jd[early] + part[early] - 2451544.5) / 365.25
     first = np.array(jd, dtype=np.float64)
@@ -37,6 +37,15 @@ def dynamical(jd: Array, part: Array) -> Time:
     # TDB is within 2 ms of TT.
     out[early] += np.interp(year, years, TT_LESS_UT) / 86400.0
     return Time(first, out, format="jd", scale="tdb")
+
+
+def _of_its_day(jd: Array, part: Array) -> Array:
+    """Return which part of a day of UTC, from its midnight jd, is a part of 86,400 seconds: astropy divides days, of
+    which those with a leap second are longer.
+    """
+    first, last = (Time(jd + day, format="jd", scale="utc").tai for day in (0.0, 1.0))
+    leap = np.round(((last.jd1 - first.jd1 - 1.0) + (last.jd2 - first.jd2)) * 86400.0, 2)  # before 1972 also of 0.1 s
+    return np.asarray(part * 86400.0 / (86400.0 + leap))
 
 
 def carried(x: Array, times: Time, jd: Array, part: Array) -> Array:

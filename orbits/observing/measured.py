@@ -329,7 +329,7 @@ def _columns(
 
 def _lines(path: str | PathLike[str]) -> list[str]:
     try:
-        return Path(path).read_text(encoding="utf-8").splitlines()
+        return Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError, TypeError) as error:
         raise InputError(f"the measurements in {shown(path)} cannot be read: {error}") from None
 

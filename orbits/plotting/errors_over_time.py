@@ -119,7 +119,7 @@ def plot_energy(run: Run, *, title: str | None = None) -> Figure:
     for axes, (name, values), colour in zip(panels, series.items(), (style.BLUE, style.VERMILION), strict=False):
         reach = max(float(np.abs(values).max()), ROUNDING)
         power = int(np.floor(np.log10(reach)))
-        axes.plot(t, values / 10.0**power, lw=1.2, color=colour)
+        style.line(axes, t, values / 10.0**power, lw=1.2, color=colour)
         rounding = ROUNDING / 10.0**power
         axes.axhspan(-rounding, rounding, color=style.FAINT, lw=0, zorder=0)
         if not (values < 0.0).any():  # a length
@@ -199,7 +199,7 @@ def _draw_positions(axes: Axes, run: Run, errors: Array, chosen: Sequence[int], 
     for i in chosen:
         if i in looks:
             values = np.where(np.isfinite(errors[:, i]), errors[:, i], np.nan)
-            axes.plot(t, np.where(values > 0.0, values, np.nan), lw=1.1, **looks[i])
+            style.line(axes, t, np.where(values > 0.0, values, np.nan), lw=1.1, **looks[i])
             largest = max(largest, float(np.nanmax(values, initial=0.0)))
     _slopes(axes, t, largest, (1.0, 1.5, 2.0))
     return [*told, OF_POSITIONS]

@@ -187,7 +187,7 @@ def _draw(
         last = last_seen(values[:, k])
         gone = 0 <= last < len(t) - 1 and np.isnan(values[last + 1 :, k]).all()
         if i in looks:
-            (line,) = axes.plot(*pieces(t, values[:, k], turn), lw=1.3, zorder=3, **looks[i])
+            line = style.line(axes, *pieces(t, values[:, k], turn), lw=1.3, zorder=3, **looks[i])
             if cloud:
                 style.outline(line)
         colour = looks[i]["color"] if i in looks else style.GREY
@@ -207,6 +207,8 @@ def _draw_many(axes: Axes, t: Array, values: Array, turn: float | None) -> None:
     lines = [np.column_stack(pieces(t, x, turn)) for x in values.T]
     thin = max(0.25, min(0.8, 30.0 / len(lines)))
     colours = colormaps["cividis"](0.15 + 0.75 * order)
+    if len(t) == 1:
+        axes.scatter(np.full(len(lines), t[0]), values[0], s=9.0, alpha=0.75, color=colours, zorder=1)
     axes.add_collection(LineCollection(lines, lw=thin, alpha=0.75, colors=colours, zorder=1))
     axes.autoscale_view()
 

@@ -179,8 +179,8 @@ def conserved(energy: Axes, momentum: Axes, runs: Mapping[str, Run], *, time: st
         look: dict[str, Any] = {"color": style.PALETTE[k % len(style.PALETTE)], "lw": 1.4}
         kept, t = run.drift(), run.times * factor
         changing, turning, _ = run.conserved()
-        energy.plot(t, relative_change(changing, kept.energy.scale)[1:], label=label, **look)
-        momentum.plot(t, relative_change(turning, kept.angular_momentum.scale)[1:], **look)
+        style.line(energy, t, relative_change(changing, kept.energy.scale)[1:], label=label, **look)
+        style.line(momentum, t, relative_change(turning, kept.angular_momentum.scale)[1:], **look)
     for axes, name in ((energy, "energy, |ΔE/E|"), (momentum, "angular momentum, |ΔL|/|L|")):
         down_to_rounding(axes)
         axes.set_title(name)
@@ -217,7 +217,7 @@ def flatness(axes: Axes, t: Array, series: Array, title: str, components: Sequen
     values = series.reshape(len(series), -1)
     change = (values - values[0]) / (float(np.linalg.norm(values[0])) or 1.0) * 1e16
     for component, colour, name in zip(change.T, (style.BLUE, style.VERMILION, style.GREEN), components, strict=False):
-        axes.plot(t, component, color=colour, lw=1.2, label=name if values.shape[1] > 1 else None)
+        style.line(axes, t, component, color=colour, lw=1.2, label=name if values.shape[1] > 1 else None)
     reach = max(10.0, 1.3 * float(np.abs(change).max()))
     band = ROUNDING * 1e16
     axes.axhspan(-band, band, color=style.FAINT, alpha=0.7, lw=0, zorder=0)

@@ -58,7 +58,7 @@ def plot_rotation(
     mosaic: Any = [["libration", "sky"], ["rate", "sky"], ["obliquity", "sky"]]
     axes = made.subplot_mosaic(mosaic, width_ratios=[1.25, 1.0])
     factor, unit = words.fitting_time(float(np.abs(run.times).max()), system.units.time)
-    t, many = run.times * factor, len(run) > 2
+    t = run.times * factor
     rate = run.rotation.rate(name).value / (n or 1.0)
     whole = f"rotation rate [{run.system.units.rate}]"
     panels = {
@@ -67,7 +67,7 @@ def plot_rotation(
         "obliquity": ("obliquity [deg]", run.rotation.obliquity(name, primary).value),
     }
     for k, (key, (label, values)) in enumerate(panels.items()):
-        axes[key].plot(t, values, color=style.PALETTE[k], lw=1.3, marker=None if many else "o")
+        style.line(axes[key], t, values, color=style.PALETTE[k], lw=1.3)
         axes[key].set_title(label)
         axes[key].grid(axis="y", color=style.FAINT, lw=0.6)
         axes[key].margins(x=0.01)

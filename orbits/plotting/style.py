@@ -12,11 +12,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
     from matplotlib.text import Text
+
+Array = NDArray[np.float64]
 
 # Okabe & Ito (2008).
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
@@ -94,6 +98,16 @@ def halo(text: Text) -> None:
     from matplotlib.patheffects import withStroke
 
     text.set_path_effects([withStroke(linewidth=3.0, foreground="white")])
+
+
+def line(axes: Axes, x: Array, y: Array, **looks: Any) -> Line2D:
+    """Draw a line, with a dot where a point has no neighbour: of a single sample, or where those beside it are NaN."""
+    seen = np.concatenate([[False], np.isfinite(x + y), [False]])
+    alone = np.flatnonzero(seen[1:-1] & ~seen[:-2] & ~seen[2:])
+    (drawn,) = axes.plot(x, y, **looks)
+    if len(alone):
+        drawn.set(marker="o", markersize=5.0, markevery=alone.tolist())
+    return drawn
 
 
 def outline(line: Line2D) -> None:

@@ -285,21 +285,23 @@ def _sample(
     marcher, grid, watch = run.marcher, run.grid, run.watch
     watch.begun = time.perf_counter()
     places, events, index = grid.places, watch.events, run.first
+    goals, count = len(grid.goals), len(grid)
     alone = bool(particles) or watch.callback is not None  # what looks at each sample in turn
     singly = 0  # the sample up to which blocks end before each, as a partial step from within one failed
-    while index < len(grid.goals):
+    while index < goals:
         if stop.name:
             return False
         if marcher.is_before(places.at(index)):
             room = 1 if alone or index < singly else max(store.room, 1)
-            last = index + marcher.samples.together(places.between(index, min(index + room, len(grid.goals))))
-            yield places.at(last - 1)
+            last = index + marcher.samples.together(places.between(index, min(index + room, goals)))
+            place = places.at(last - 1)
+            yield place
             failure: IntegrationError | None = None
             try:
-                marcher.approach(places.at(last - 1))
+                marcher.approach(place)
             except IntegrationError as error:
                 failure = error
-            passed = marcher.samples.passed(places.between(index, min(last, len(grid)))) if last > index + 1 else 0
+            passed = marcher.samples.passed(places.between(index, min(last, count))) if last > index + 1 else 0
             q = v = _NOTHING
             if passed:
                 try:
@@ -322,7 +324,7 @@ def _sample(
                 raise failure
             if stop.name or watch.interrupted(found) or watch.ended():
                 return False
-            if store.full and index < len(grid.goals):  # the last one is committed with the end of the run
+            if store.full and index < goals:  # the last one is committed with the end of the run
                 store.commit(marcher)
             continue
         goal = float(grid.goals[index])
@@ -332,21 +334,21 @@ def _sample(
                 return False
             if found is None:
                 break
-        if index == len(grid) and not particles and events.stops is None:
+        if index == count and not particles and events.stops is None:
             break
         single = alone or bool(events.of_bodies.interrupts) or events.stops is not None
-        most = 1 if single else min(store.room, AT_ONCE, len(grid) - index)
+        most = 1 if single else min(store.room, AT_ONCE, count - index)
         q, v = marcher.samples.ahead(places.between(index, index + most))
         sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()
         if watch.interrupted(watch.at_a_bound(sample)) or particles.reach(sample):
             return False
-        if index == len(grid):
+        if index == count:
             break
         store.add(q, v, accounts)
         index += len(q)
         if watch.called_back(sample):
             return False
-        if store.full and index < len(grid.goals):
+        if store.full and index < goals:
             store.commit(marcher)
     while (found := watch.events.before(marcher.current, grid.end, record=True)) is not None:
         if watch.interrupted(found):

@@ -84,29 +84,43 @@ class RunEnds:
                     self.note(last.time, last.state(), *self.conditions.exceeded())
 
     def interrupted(self, found: Found | None) -> bool:
-        """Return whether an event ends the run, and note it; others that interrupt it act."""
+        """Return whether an event ends the run, and note it; others that interrupt it act, before it ends."""
         if found is None:
             return False
-        marcher = self.marcher
+        marcher, asked, several = self.marcher, self.events.asked, (found, *found.besides)
+        acting = [one for one in several if asked.of[one.number].acts]
+        caused = self._act(acting) if acting else None
+        if len(acting) == len(several):
+            return self.interrupted(caused)
         state = marcher.state_after(found.time - marcher.time)
         at = self.system_at(found.time, *state) if self.events.touching else None
-        happening = self.events.asked.happening(found, state, at)
-        if happening.event.acts:
-            try:
+        self.events.of_bodies.log.drop_after(found.time)  # collisions in the step, which may be listed before
+        self.end_at(asked.happening(several[-1], state, at), found.time, state)
+        return True
+
+    def _act(self, acting: Sequence[Found]) -> Found | None:
+        """Let events of one time act, each on what those before it made of the bodies; return one that ends the run by
+        what they did, if any.
+        """
+        marcher, asked, time = self.marcher, self.events.asked, acting[0].time
+        state = marcher.state_after(time - marcher.time)
+        before = now = asked.happening(acting[0], state).system
+        kind = ""
+        try:
+            for happening in (asked.happening(one, state, now) for one in acting):
                 changed = happening.event.then.act(happening)
                 if changed is not None:
-                    cast("ChainOfLegs", marcher).change(happening.kind, found.time, *state, happening.system, changed)
-            except Exception:
-                self.events.of_bodies.log.drop_from(found.time)  # a run that is resumed acts there
-                raise
-            if changed is None:
-                return False
-            former = list(self.events.asked.bounds)
-            marcher.follow_events()
-            return self.interrupted(self.events.jump_at(found, former, state, marcher.state()))
-        self.events.of_bodies.log.drop_after(found.time)  # collisions in the step, which may be listed before
-        self.end_at(happening, found.time, state)
-        return True
+                    now, kind = changed, happening.kind
+            if kind:
+                cast("ChainOfLegs", marcher).change(kind, time, *state, before, now)
+        except Exception:
+            self.events.of_bodies.log.drop_from(time)  # a run that is resumed acts there
+            raise
+        if not kind:
+            return None
+        former = list(asked.bounds)
+        marcher.follow_events()
+        return self.events.jump_at(acting, former, state, marcher.state())
 
     def end_at(self, happening: Happening, time: float, state: tuple[Array, Array]) -> None:
         """Note the event that ends the run."""

@@ -18,7 +18,7 @@ from orbits.errors import EpochError, InputError, shown
 Array = NDArray[np.float64]
 
 DE440 = "de440"
-BARYCENTRE = 0
+BARYCENTRE, ICRF = 0, 1
 READABLE = (2, 3)
 """The data types of SPK segments that are read: Chebyshev series for positions, or for both."""
 
@@ -26,7 +26,8 @@ READABLE = (2, 3)
 class Kernel(NamedTuple):
     """An opened SPK kernel.
 
-    name : for messages; segments : those of each target, by its number
+    name : for messages; segments : those of each target, by its number, relative to one centre; where several have a
+        date, the first one counts
     """
 
     name: str
@@ -111,11 +112,17 @@ def opened(against: Any, first: float, last: float) -> Iterator[Kernel]:
             raise InputError(f"{path} is no SPK kernel that can be read: {error}") from error
     with spk:
         segments: dict[int, list[Any]] = {}
-        for segment in spk.segments:
-            if segment.data_type in READABLE:
-                segments.setdefault(int(segment.target), []).append(segment)
+        for segment in reversed(spk.segments):  # the last one in a file has precedence
+            same = segments.setdefault(int(segment.target), [])
+            usable = segment.data_type in READABLE and segment.frame == ICRF
+            if usable and (not same or same[0].center == segment.center):
+                same.append(segment)
+        segments = {target: same for target, same in segments.items() if same}
         if not segments:
-            raise InputError(f"{name} has no segments of data types 2 or 3, Chebyshev series; no others are read here.")
+            raise InputError(
+                f"{name} has no segments of data types 2 or 3, Chebyshev series, in NAIF's frame 1, J2000; no others "
+                "are read here."
+            )
         yield Kernel(name, segments)
 
 

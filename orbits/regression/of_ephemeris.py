@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-SUN, EARTH, MOON = 10, 399, 301
+SUN, EARTH = 10, 399
 TOGETHER = "Earth-Moon barycenter"
 YEAR = 365.25
 

@@ -140,11 +140,6 @@ class TimeGrid:
         """The whole steps before each goal, (goals,)."""
         return self.places.steps
 
-    @property
-    def remainders(self) -> Array:
-        """The exact time from there to each goal, (goals,): less than a step, with the sign of h."""
-        return self.places.rests
-
     def place(self, goal: int) -> Place:
         """Return the place of a goal in a march."""
         return self.places.at(goal)

@@ -10,6 +10,8 @@ from astropy import units as u
 
 import orbits
 from orbits.certificate import Certificate
+from orbits.certificate.certifying import _order
+from orbits.diagnostics.convergence import Slope
 from orbits.errors import InputError
 from orbits.methods import ExplicitEuler, LobattoIIIAB, RungeKutta4
 
@@ -53,6 +55,30 @@ def test_a_particle_at_rest_at_the_origin_is_certified_too():
         certificate = orbits.certify(resting, orbits.Gauss(stages=4), 0.05)
     assert certificate.ok
     assert 0.0 < certificate["symplecticity of particles"].measured < 4e-15
+
+
+def test_an_order_is_told_by_errors_along_a_line_alone():
+    h = (0.277, 0.392, 0.554)
+    bent = _order("order of L_d", Slope(2.2, h, (2.4e-10, 1.33e-9, 2.24e-9)), 16)
+    assert not bent.needed
+    assert "slopes that differ by 3.4: no asymptotic regime" in bent.note
+    line = _order("order of the map", Slope(1.0, h, tuple(1e-4 * x for x in h)), 2)
+    assert line.verdict == "FAILS, DECLARED"
+
+
+@pytest.mark.nightly
+def test_a_close_pair_far_from_the_origin_is_not_refuted_by_steps_too_long_for_it():
+    """The order of L_d was 2.2: errors of steps longer than the period of the pair are small beside its distance."""
+    sun, body = 1.32712440018e11, 0.0552
+    away, apart = 1.64 * 1.495978707e8, 171.0
+    along, around = (sun / away) ** 0.5, (2.0 * body / apart) ** 0.5
+    q, v = np.zeros((3, 3)), np.zeros((3, 3))
+    q[1:, 0], v[1:, 1] = away + np.array([0.5, -0.5]) * apart, along + np.array([0.5, -0.5]) * around
+    pair = orbits.System(["Sun", "a", "b"], [sun, body, body] * u.km**3 / u.s**2, q * u.km, v * u.km / u.s)
+    certificate = orbits.certify(pair, orbits.Gauss(), 0.6 * u.hour)
+    assert certificate.ok, certificate.table()
+    assert "no asymptotic regime" in certificate["order of L_d"].note
+    assert certificate["order of the map"].holds
 
 
 @pytest.mark.nightly
@@ -172,6 +198,10 @@ def test_wrong_uses_are_refused_with_the_remedy(system, tmp_path):
 def test_a_start_at_rest_is_refused():
     with pytest.raises(InputError, match=r"'pendulum': q stays 0 from this start, .* expected a motion"):
         orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), 0.1, q=[0.0], v=[0.0])
+    system = orbits.System(["A", "b"], [1.0, 0.0], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]])
+    for method in ("gauss", "wisdom-holman"):  # the latter ended in a ZeroDivisionError
+        with pytest.raises(InputError, match=r"A is the only massive body, and at rest: .* second body a mass"):
+            orbits.certify(system, method, 0.1)
 
 
 def test_a_certificate_asked_for_something_else_says_what_it_has(certificate):

@@ -171,10 +171,13 @@ def test_what_cannot_be_fitted_is_refused(given, options, message):
         orbits.fit(given if isinstance(given, str) else observations[given], **options)
 
 
-def test_observations_of_two_bodies_and_of_radar_alone_are_refused():
+def test_observations_of_two_bodies_of_one_with_mass_and_of_radar_alone_are_refused():
     other = orbits.Observations.read(DATA / "K08K42V_lsl.mpc")
     with pytest.raises(InputError, match="observations of 3666, 2008 KV42; expected one body"):
         orbits.fit(orbits.Observations.read(DATA / "03666_tiny.txt") + other)
+    heavy = start().remove("433").add("3666", primary="Sun", a=3.1 * u.au, mass=1e-12 * u.M_sun)
+    with pytest.raises(InputError, match=r"the system has 3666 among what attracts, .*; expected .* without a mass"):
+        orbits.fit(orbits.Observations.read(DATA / "03666_tiny.txt"), heavy)
     radar = orbits.Observations.bundled("apophis")
     with pytest.raises(InputError, match="0 optical observations give no beginning; expected 3 at least, or the body"):
         orbits.fit(radar[radar.kind != "optical"])

@@ -195,6 +195,9 @@ def test_what_is_written_is_read(ra, dec, day, part):
         ("     ", "J95A010", "1995 A1"),
         ("     ", "PLS2040", "2040 P-L"),
         ("0001P", "", "1P"),
+        ("0001P", "J82U010", "1P"),
+        ("0073P", "      b", "73P-B"),  # other bodies than 73P
+        ("0073P", "     bb", "73P-BB"),
     ],
 )
 def test_packed_names_are_unpacked(number, provisional, name):
@@ -210,6 +213,15 @@ def test_times_before_utc_are_those_of_the_earth():
     assert (later - Time("2004-03-15 02:35:21.696", scale="tdb")).to_value(u.s) == pytest.approx(64.184, abs=0.01)
 
 
+def test_times_on_a_day_with_a_leap_second_are_those_of_clocks():
+    clocks = ("2016-12-31T18:00:00", "2016-12-31T23:59:60.5", "2017-01-01T00:00:00", "1965-12-31T18:00:00")
+    head, row = CCD.splitlines()
+    rows = [row.replace("2023-07-06T00:17:43.77", clock) for clock in clocks]
+    found = Observations.parse("\n".join([head, *rows])).time
+    of_clocks = Time(list(clocks), scale="utc").tdb
+    assert np.abs((found - of_clocks).to_value(u.s)).max() < 1e-8  # parts of the longer day were 0.75 s late
+
+
 def test_uncertainties_are_those_of_veres_by_station_date_and_catalogue():
     def sigma(*lines: str) -> list[float]:
         return Observations.parse("\n".join(lines)).sigma[:, 0].to_value(u.arcsec).tolist()
@@ -219,6 +231,12 @@ def test_uncertainties_are_those_of_veres_by_station_date_and_catalogue():
     assert sigma(APOPHIS[:-9] + "V" + APOPHIS[-8:-3] + "568") == [0.1]
     assert sigma(APOPHIS[:-9] + " " + APOPHIS[-8:-3] + "568") == [1.5]
     assert sigma(APOPHIS.replace("C2004", " 2004")) == [2.5]
+    in_space = EROS.splitlines()[1:3]
+    head, row = CCD.replace("|rmsRA|rmsDec", "").replace("|0.1|0.2", "").splitlines()
+    place = "|sys|ctr|pos1|pos2|pos3", "|ICRF_KM|399|4353.0030|-481.6100|1382.3400"
+    for station, expected in (("C51", 1.0), ("250", 1.5)):  # in both formats, whatever the mode
+        assert sigma(*(line[:-3] + station for line in in_space)) == [expected]
+        assert sigma(head + place[0], row.replace("568", station) + place[1]) == [expected]
     night = [APOPHIS.replace(".10789", f".1078{k}") for k in range(9)]
     assert sigma(*night) == pytest.approx([0.5 * 1.5] * 9)
     assert Observations.parse(CCD).sigma[0].to_value(u.arcsec).tolist() == [0.1, 0.2]

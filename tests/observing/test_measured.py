@@ -32,6 +32,8 @@ def test_columns_go_by_name_and_numbers_are_counted(tmp_path):
     times = orbits.TransitTimes.read(written(tmp_path, text), ("time", "sigma", "-"), planet="c", zero=2450000)
     assert times.number.tolist() == [0, 1, 3, 4]
     assert times.time.jd.tolist() == [2450010.5, 2450011.5, 2450013.5, 2450014.5]
+    marked = "\ufeffb 0 10.5 0.1\r\nb 1 12.5 0.1\r\n"  # the mark of byte order is no part of the name
+    assert orbits.TransitTimes.read(written(tmp_path, marked)).planets == ("b",)
 
 
 def test_velocities_have_an_instrument_each(tmp_path):

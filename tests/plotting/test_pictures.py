@@ -209,6 +209,17 @@ def test_the_long_title_of_a_report_is_whole():
     assert any(" ".join(text.split()) == NAME_OF_A_METHOD.strip() for text in seen.texts(figure))
 
 
+def test_points_without_neighbours_have_dots_which_no_line_shows():
+    axes = style.figure().add_subplot()
+    y = np.array([1.0, np.nan, 3.0, 4.0, np.nan, 6.0])
+    assert style.line(axes, np.arange(6.0), y).get_markevery() == [0, 5]
+    assert style.line(axes, np.arange(2.0), y[2:4]).get_marker() == "None"
+    run = about_a_star({"a": {"a": 1.0, "e": 0.2}}, np.array([3.0]))  # the panels were empty
+    lines = [line for panel in run.plot("elements").axes for line in panel.lines]
+    assert len(lines) == 3
+    assert all(line.get_marker() == "o" for line in lines)
+
+
 def test_the_offset_of_an_axis_is_in_its_label():
     """Of an unperturbed orbit, whose elements change by round-off alone: matplotlib has 1e-13+2.864788976e-1."""
     run = about_a_star({"planet": {"a": 1.0, "e": 0.2864788976}}, np.linspace(0.0, 36525.0, 60), units=orbits.SOLAR)

@@ -158,6 +158,16 @@ def test_a_run_stopped_anywhere_within_a_step_with_a_merger_goes_on_to_the_same_
     resumed.close()
 
 
+def test_what_a_merger_off_the_centre_turns_into_spin_is_told() -> None:
+    q, v = [[0, 0, 0], [1, 0, 0], [1.3, 0.02, 0.01]], [[0, 0, 0], [0, 1, 0], [-0.3, 0.9, 0.05]]
+    system = orbits.System(["s", "a", "b"], [1.0, 0.01, 0.02], q, v, radii=[1e-3, 0.03, 0.03])
+    run = orbits.propagate(system, duration=3.0, samples=7, events=MERGE)
+    whole, lost = run.angular_momentum().value, run.angular_momentum_lost().value
+    assert len(run.events) == 1
+    assert np.abs(lost[-1]).min() > 0.01
+    assert np.abs(whole + lost - whole[0]).max() < 4e-16 * np.linalg.norm(whole[0])  # 1.3e-16 was seen
+
+
 @STEPS
 def test_bounces_follow_the_closed_form(dt: float | None) -> None:
     restitution, reach, mu, start = 0.7, 1.0, 1.001, 2.0

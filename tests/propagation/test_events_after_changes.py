@@ -69,6 +69,28 @@ def test_what_an_action_takes_through_zero_stops_the_run_but_does_not_act():
     assert stopped.events.kind.tolist() == ["pericentre", "e rises above 0.6", "e rises above 0.55"]
 
 
+@pytest.mark.parametrize("apart", [0.0, 1e-13])
+def test_events_of_one_time_all_act_and_are_listed_before_one_of_them_stops_the_run(apart, recwarn):
+    """Two pushes, one behind a sample; a stop given before them, and an event that only records, count as at the time
+    of the first.
+    """
+
+    def at(time, name, push=0.0, then="record"):
+        def pushed(t, system):
+            return system.replaced(v=system.v.value + np.array([[0.0], [push]]) * [0.0, 0.0, 1.0])
+
+        return orbits.events.Event(lambda t, q, v: t - time, name=name, then=pushed if push else then)
+
+    pushes = at(0.5, "a", 0.1), at(0.5 + apart, "b", 0.2), at(0.5 + 2 * apart, "c")
+    run = propagate(1.0, *pushes, samples=[0.5, 1.0])
+    assert list(zip(run.events.kind, run.events.time, strict=True)) == [("a", 0.5), ("b", 0.5), ("c", 0.5)]
+    np.testing.assert_allclose(run.at(0.5).v[1, 2], 0.3, rtol=1e-15)
+    stopped = propagate(1.0, at(0.5, "end", then="stop"), *pushes)
+    assert stopped.stopped.reason.startswith("end at")
+    np.testing.assert_allclose(stopped.stopped.system.v[1, 2], 0.3, rtol=1e-15)
+    assert not recwarn.list
+
+
 @pytest.mark.nightly
 def test_a_resumed_run_lists_what_an_action_takes_through_zero_once(tmp_path):
     events = orbits.events.Pericentre("p", then=kicked), orbits.events.ElementCrossing("p", "e", 0.6)

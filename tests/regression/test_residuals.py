@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from typer.testing import CliRunner
 import orbits
 from orbits.cli import app
 from orbits.errors import EpochError, InputError
+from orbits.lagrangians.series_in_files import series_of
 from orbits.resources import data_path
+from orbits.spk import daf
 
 BODIES = ["Sun", "Earth", "Moon", "Jupiter"]
 
@@ -50,6 +53,25 @@ def test_the_residuals_of_a_run_against_its_own_spk_file_are_the_error_of_the_fi
     bound = 2.1 * max(written.error_km.values()) + 1e-6  # that of the body and of the Sun, and rounding
     assert set(found.km) >= {"Earth", "Moon", "Jupiter"}
     assert all(km < bound for km in found.largest().values())
+
+
+def test_the_last_segment_of_a_body_counts_and_other_axes_are_refused(run, tmp_path, monkeypatch):
+    """As in SPICE. A segment in other axes, such as ECLIPJ2000 (17), would be turned by 23 degrees."""
+    write, path = daf.write, tmp_path / "own.bsp"
+
+    def replaced(file, title, comments, segments):
+        old = [replace(one, coefficients=one.coefficients + 1e3) for one in segments if one.target == 5]
+        write(file, title, comments, [*old, *segments])
+
+    monkeypatch.setattr(daf, "write", replaced)
+    run.to_spk(path)
+    assert orbits.residuals(run, path).largest()["Jupiter"] < 1e-2
+    monkeypatch.setattr(daf, "J2000_FRAME", 17)
+    run.to_spk(path, overwrite=True)
+    with pytest.raises(InputError, match="no segments of data types 2 or 3, Chebyshev series, in NAIF's frame 1"):
+        orbits.residuals(run, path)
+    with pytest.raises(InputError, match=r"body 10 is of type 2, in NAIF's frame 17; expected .* frame 1, J2000"):
+        series_of((str(path),), (10,), 2451600.5, 0.0)
 
 
 def test_asteroids_are_compared_with_jpls_own_integration():

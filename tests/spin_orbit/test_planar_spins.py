@@ -76,6 +76,9 @@ def test_a_revolution_converges_with_the_order_of_the_method(order, tides):
     counts = {2: (400, 800), 4: (48, 96), 6: (48, 96), 8: (36, 72)}[order]
     errors = [np.abs(end(count) - exact).max() for count in counts]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.5)
+    coarse = PlanarSpins(eccentricity=0.3, alpha=1.2, tides=tides, order=order, steps=counts[0])
+    told = coarse.error_of_a_revolution([0.3, 1.0, 2.0], [0.5, 1.4, 2.2])
+    assert told == pytest.approx((1.0 - 0.5**order) * errors[0], rel=0.1)  # beside twice as many steps
 
 
 @pytest.mark.parametrize(("centre", "revolutions"), [((0.0, 0.55), 30), ((0.5, 1.8), 2)])

@@ -55,7 +55,7 @@ STATES: list[tuple[str, dict[str, Any], type[OrbitsError], str]] = [
     ("same name twice", {"names": ["Sun", "rock", "rock"]}, InputError, r"bodies 1 and 2 are both called 'rock'"),
     ("one string", {"names": "Sun"}, InputError, r"names is 'Sun'; expected a sequence of strings"),
     ("no names", {"names": None}, InputError, r"names is None"),
-    ("names without an order", {"names": {"Sun", "Mars"}}, InputError, r"names is \{.*; expected a sequence"),
+    ("names in a set", {"names": {"Sun", "Mars"}}, InputError, r"names is \{.*; expected a sequence of strings"),
     ("name a number", {"names": ["Sun", 3, "rock"]}, InputError, r"the name of body 1 is 3; expected a string"),
     ("empty name", {"names": ["Sun", "", "rock"]}, InputError, r"the name of body 1 is ''"),
     ("blank at the end", {"names": ["Sun", "Earth ", "rock"]}, InputError, r"the name of body 1 is 'Earth '"),

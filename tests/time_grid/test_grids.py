@@ -25,13 +25,13 @@ def test_the_step_is_rounded_to_24_bits_and_goes_where_the_duration_goes_whateve
         assert grid.times.tolist() == [0.0, duration / 2, duration]
 
 
-def test_whole_steps_and_remainders_give_the_times_back_exactly():
+def test_whole_steps_and_rests_give_the_times_back_exactly():
     for h in (0.1, -0.1):
         grid = TimeGrid(h, np.linspace(0.0, 1e4 * h, 1234))
-        assert (grid.steps * h + grid.remainders).tolist() == pytest.approx(grid.times.tolist(), rel=2**-52)
-        exact = [int(k) * int(h * 2**60) + int(r * 2**60) for k, r in zip(grid.steps, grid.remainders, strict=True)]
+        assert (grid.steps * h + grid.places.rests).tolist() == pytest.approx(grid.times.tolist(), rel=2**-52)
+        exact = [int(k) * int(h * 2**60) + int(r * 2**60) for k, r in zip(grid.steps, grid.places.rests, strict=True)]
         assert exact == [int(t * 2**60) for t in grid.times]
-        assert (np.abs(grid.remainders) < abs(h)).all()
+        assert (np.abs(grid.places.rests) < abs(h)).all()
         assert grid.whole_steps == grid.steps[-1]
 
 

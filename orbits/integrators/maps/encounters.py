@@ -52,6 +52,10 @@ class Encounters(NamedTuple):
         return ", ".join(f"{answer} {kind}" for kind, answer in asked.items())
 
 
+WARNED = Encounters()
+"""Of methods that do nothing besides a warning."""
+
+
 def read(value: Any, particles: tuple[str, ...] = OF_PARTICLES, planets: tuple[str, ...] = OF_PLANETS) -> Encounters:
     """Return what a text asks for, of the answers that a method has.
 

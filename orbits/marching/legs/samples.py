@@ -19,7 +19,7 @@ from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.lanes import WIDTH
-from orbits.marching.clocks.step_times import UNLIMITED, Behind, Places
+from orbits.marching.clocks.step_times import UNLIMITED, Behind, Place, Places
 from orbits.marching.legs import within_step
 from orbits.marching.legs.interruptions import LegWatcher
 
@@ -118,13 +118,13 @@ class SamplesOfLeg(Samples, LegWatcher):
 
     def ahead(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (m, n, 3), at those of these places that lie in the next step with any."""
-        if self._leg.times.is_at(places.at(0)):
-            return self._of_copy(places)
+        first = places.at(0)
+        if self._leg.times.is_at(first):
+            return self._of_copy(first)
         try:
             return self._in_next_step(places)
         except IntegrationError:  # no step from there, or no partial one; steps that are chosen anew may lead there
-            one = places.between(0, 1)
-            return self.ahead(one) if len(places.steps) > 1 else self._of_copy(one)
+            return self.ahead(places.between(0, 1)) if len(places.steps) > 1 else self._of_copy(first)
 
     def _in_next_step(self, places: Places) -> tuple[Array, Array]:
         """The same, by partial steps; an IntegrationError if the step, or a part of it, cannot be taken."""
@@ -142,9 +142,9 @@ class SamplesOfLeg(Samples, LegWatcher):
             return np.zeros((1, 0, FIGURES))
         return np.stack([self._leg.stepper.accounts(state) for state in self._leg.shown])
 
-    def _of_copy(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (1, n, 3), at the first of these places, to which a copy is marched."""
-        q, v = within_step.state_at(self._leg, places.at(0))
+    def _of_copy(self, place: Place) -> tuple[Array, Array]:
+        """Return (q, v), each (1, n, 3), at a place, to which a copy is marched."""
+        q, v = within_step.state_at(self._leg, place)
         return q[None], v[None]
 
     def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
@@ -179,12 +179,12 @@ class SamplesOfParticles(SamplesOfLeg):
 
     def ahead(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (1, n, 3), at the first of these places."""
-        one, leg = places.between(0, 1), self._leg
-        q, v = self._of_copy(one)
-        if not leg.times.is_at(places.at(0)):
+        first, leg = places.at(0), self._leg
+        q, v = self._of_copy(first)
+        if not leg.times.is_at(first):
             shown, bodies = leg.shown, leg.problem.bodies
             with suppress(IntegrationError):  # without particles, too, the bodies are then those of the copy
-                q[:, bodies], v[:, bodies] = self._in_next_step(one)
+                q[:, bodies], v[:, bodies] = self._in_next_step(places.between(0, 1))
             leg.shown = shown
         return q, v
 

@@ -231,13 +231,17 @@ class Sample(NamedTuple):
 
 
 class Found(NamedTuple):
-    """An event that interrupts a run: the number of its function, its column, and where it happened."""
+    """An event that interrupts a run: the number of its function, its column, and where it happened.
+
+    besides : others that act at the same time, in the order in which they do, and then one that ends the run
+    """
 
     number: int
     column: int
     rising: bool
     steps: int
     time: float
+    besides: tuple[Found, ...] = ()
 
 
 class Touching(Bound):

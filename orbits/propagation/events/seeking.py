@@ -130,12 +130,12 @@ class Seeking:
         return found
 
     def jump_at(
-        self, acted: Found, former: list[Bound], before: tuple[Array, Array], after: tuple[Array, Array]
+        self, acted: Sequence[Found], former: list[Bound], before: tuple[Array, Array], after: tuple[Array, Array]
     ) -> Found | None:
-        """Go through what an event did to the bodies, as `MotionSearch.jump`; its own function is zero there anyway."""
+        """Go through what events did to the bodies, as `MotionSearch.jump`; their functions are zero there anyway."""
         massive = self.asked.system.massive[:, None]
         then, now = ((np.where(massive, q, np.nan), np.where(massive, v, np.nan)) for q, v in (before, after))
-        return self.of_bodies.jump(former, acted.time, then, now, acted.number)
+        return self.of_bodies.jump(former, acted[0].time, then, now, [one.number for one in acted])
 
     def before_sample(self, marcher: Legs, sample: Sample) -> Found | None:
         """Return the event that ends the run between the state of the march and a sample less than a step ahead, if a

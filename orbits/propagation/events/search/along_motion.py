@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,18 +108,18 @@ class MotionSearch:
         time: float,
         before: tuple[Array, Array],
         after: tuple[Array, Array],
-        but: int | None = None,
+        but: Collection[int] = (),
     ) -> Found | None:
         """Go through a change of bodies: functions whose sign is another one after it are zero there. Return the first
         that stops the run, if any; those that act are listed, but do not act on what has just been done to the bodies.
 
         former : the functions before it; before, after : q and v of all bodies, (n, 3), at that time
-        but : the number of a function that is left out
+        but : the numbers of functions that are left out
         """
         found: list[Found] = []
         try:
             for number in self.numbers:
-                if number != but:
+                if number not in but:
                     found += self._jumps(number, former[number], time, before, after)
         except (EventError, Raised):
             self.log.broken = True
@@ -254,20 +255,24 @@ class MotionSearch:
     ) -> Found | None:
         """Record what `_found` found in steps that begin and end at these times; see `seek`."""
         order = np.lexsort((rows[:, NUMBER], rows[:, TIME] * self._direction))
-        if until is not None:
-            order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
-            failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if np.isfinite(self._since):
             # A sample lies within the first step: what was before is known, and what is close to it may be.
             apart = SAME * float(abs(np.diff(times)).max())
             order = order[(rows[order, TIME] - self._since) * self._direction > -apart]
             order = order[[not self.log.has(row, apart) for row in rows[order]]]
+        # The stretch to the end of a run may be far shorter than the step in which an event was found before.
+        apart = max(SAME * float(abs(np.diff(times)).max()), ROUNDED * float(abs(times).max()))
         if self.log.known:
-            # The stretch to the end of a run may be far shorter than the step in which an event was found before.
-            apart = max(SAME * float(abs(np.diff(times)).max()), ROUNDED * float(abs(times).max()))
             order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
         acting = [k for k in order if self._of[int(rows[k, NUMBER])].interrupts]
         last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction
+        # Behind it they would count as known.
+        late = (rows[order, TIME] - last) * self._direction
+        rows[order[(late > 0.0) & (late <= apart)], TIME] = last
+        if until is not None:
+            order = order[(rows[order, TIME] - until) * self._direction <= 0.0]
+            acting = acting if (last - until) * self._direction <= 0.0 else []
+            failure = None if failure is None or (failure.time - until) * self._direction > 0.0 else failure
         if record or acting:
             for k in order[(rows[order, TIME] - last) * self._direction <= 0.0]:
                 self.add(rows[k], firm or bool(acting))
@@ -276,9 +281,18 @@ class MotionSearch:
         if not acting:
             return None
         self.log.pass_by(last)
-        self._check_alone(rows[acting], times)
-        number, column, steps = (int(x) for x in places[acting[0]])
-        return Found(number, column, bool(rows[acting[0], RISING]), steps, last)
+        return self._at_once([k for k in acting if rows[k, TIME] == last], rows, places)
+
+    def _at_once(self, acting: list[int], rows: Array, places: NDArray[np.int64]) -> Found:
+        """Return what interrupts the run at one time: what acts, in turn, and then what ends it."""
+        self._check_alone(rows[acting])
+        acting.sort(key=lambda k: not self._of[int(rows[k, NUMBER])].acts)
+        found = [
+            Found(int(number), int(column), bool(rows[k, RISING]), int(step), float(rows[k, TIME]))
+            for k, (number, column, step) in zip(acting, places[acting], strict=True)
+        ]
+        act = sum(self._of[one.number].acts for one in found)
+        return found[0]._replace(besides=tuple(found[1 : act + 1]) if act else ())
 
     def _found(self, stretch: Stretch) -> tuple[Array, NDArray[np.int64], EventError | None]:
         """Return rows; number of the function, column and step of each; and what failed, with the rows before that."""
@@ -340,15 +354,12 @@ class MotionSearch:
             )
         self.log.add(row, firm)
 
-    def _check_alone(self, rows: Array, times: Array) -> None:
+    def _check_alone(self, rows: Array) -> None:
         """Refuse two events that act on one body at once."""
-        one, rest = rows[0], rows[1:]
-        if not self._of[int(one[NUMBER])].acts:
-            return
-        step = abs(float(np.diff(times).max()))
-        for two in rest[np.abs(rest[:, TIME] - one[TIME]) <= SAME * step]:
+        acting = [row for row in rows if self._of[int(row[NUMBER])].acts]
+        for one, two in combinations(acting, 2):
             both = ({int(k) for k in one[BODY : OTHER + 1]} & {int(k) for k in two[BODY : OTHER + 1]}) - {NOBODY}
-            if both and self._of[int(two[NUMBER])].acts:
+            if both:
                 names = [self.asked.system.names[k] for k in both]
                 kinds = [self._bounds[int(row[NUMBER])].words[int(row[RISING])] for row in (one, two)]
                 raise EventError(
