@@ -212,9 +212,9 @@ def pole_direction(value: Any, what: str, units: Any) -> tuple[float, float, flo
         if not abs(dec) <= np.pi / 2 + 1e-12:
             raise InputError(f"{what} has the declination {dec:g} rad; plain numbers are radians, degrees need u.deg.")
         found = np.array([np.cos(dec) * np.cos(ra), np.cos(dec) * np.sin(ra), np.sin(dec)])
-    elif count == 3 and np.ndim(value) == 1:
-        found = np.asarray(units.pure_value(value, what), dtype=np.float64)
     else:
+        found = np.asarray(units.pure_value(value, what)) if count == 3 else np.zeros(0)
+    if found.shape != (3,):
         raise InputError(f"{what} is {shown(value)}; {expected}.")
     length = float(np.linalg.norm(found))
     if not (np.isfinite(length) and length > 0.0):

@@ -89,7 +89,7 @@ class Catalogue:
         if isinstance(key, str):
             return self[[row_of_name(key, {plain(name): row for row, name in enumerate(self.names)}, self)]]
         expected = "a name, an index, a slice, a mask or an array of indices"
-        if not isinstance(key, slice) and np.ndim(key) == 0:
+        if not isinstance(key, slice) and not np.iterable(key):
             key = [place_in(len(self), key, "catalogue", "bodies", expected)]
         try:
             rows = np.atleast_1d(np.arange(len(self))[key])

@@ -147,6 +147,8 @@ def test_catalogue_is_sliced_masked_and_indexed_like_an_array() -> None:
         catalogue["Vista"]
     with pytest.raises(IndexError):
         catalogue[100]
+    with pytest.raises(InputError, match="expected a name, an index, a slice, a mask or an array of indices"):
+        catalogue[[[1, 2], [3]]]
 
 
 def test_catalogue_is_a_frozen_value_that_travels() -> None:

@@ -160,6 +160,7 @@ BAD = {
     "no pole": (lambda s: s.with_terms(zonal(pole=None)), "pole of 'Sun' is missing; expected"),
     "degrees": (lambda s: s.with_terms(zonal(pole=(286.13, 63.87))), "plain numbers are radians, degrees need u.deg"),
     "zero pole": (lambda s: s.with_terms(zonal(pole=(0, 0, 0))), "not all of them 0"),
+    "lengths": (lambda s: s.with_terms(zonal(pole=[1 * u.AU] * 3)), "pole of 'Sun' is in AU; expected no unit"),
     "four": (lambda s: s.with_terms(zonal(pole=(0, 0, 0, 1))), "expected .right ascension, declination"),
     "word": (lambda s: s.with_terms(zonal(pole=5)), "pole of 'Sun' is 5; expected"),
     "no spin": (lambda s: s.with_terms(FrameDragging(pole=POLE)), "spin is missing"),
