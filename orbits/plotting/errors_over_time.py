@@ -64,6 +64,7 @@ def plot_error(
     later = np.flatnonzero(run.times != 0.0)
     if len(later) < 2:
         raise InputError(f"{run!r} has {len(later)} samples after its start; expected at least 2 to show a growth.")
+    later = later[np.argsort(np.abs(run.times[later]), kind="stable")]  # samples may be in any order
     positions, whose = _positions(run, reference)
     series = _conserved(run)
     if positions is None and not series:
@@ -94,7 +95,7 @@ def plot_error(
         length = str(run.system.units.length).replace("AU", "au")
         axes.set_ylabel(f"distance [{length}]" if length else "distance")
     for axes in made.axes:
-        axes.set_xlabel(words.since(run.system, unit))
+        axes.set_xlabel(words.since(run.system, unit, backwards=run.times[later[-1]] < 0.0))
     made.suptitle(words.made_by(run) if title is None else title, x=0.01, ha="left", fontsize=17)
     named = [pair for axes in made.axes for pair in zip(*named_in(axes), strict=True)]
     style.below(made, [handle for handle, _ in named], [label for _, label in named], "; ".join(told))
