@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from orbits.body_names import checked_names
 from orbits.catalogue import Catalogue
-from orbits.checks import listed
+from orbits.checks import in_full, listed
 from orbits.errors import InputError, OrbitsError, shown
+from orbits.propagation.events.functions import description
 from orbits.system import System
 from orbits.system.presenting import in_words
 
@@ -119,7 +120,7 @@ class Particles(Ensemble):
     def identity(self) -> dict[str, str]:
         """Return what the results depend on, by its name in messages."""
         assert self.bodies is not None
-        forces = {"forces on the members": digest(repr(self.forces))} if self.forces else {}
+        forces = {"forces on the members": digest(in_full(self.forces))} if self.forces else {}
         return super().identity() | {
             "bodies": described(self.bodies),
             "names of the members": digest("\n".join(self.names)),
@@ -206,10 +207,17 @@ class Made(Ensemble):
         return system
 
     def identity(self) -> dict[str, str]:
-        """Return what the results depend on, by its name in messages: of the function its name and its code."""
+        """Return what the results depend on, by its name in messages: of the function its name and its code, and three
+        of the systems that it makes, which tell what else it reads.
+        """
         points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
-        name = getattr(self.make, "__qualname__", type(self.make).__name__)
-        return super().identity() | {"function": f"{name}, {_code(self.make)}", "points": digest(points)}
+        few = [self.part(k, k + 1).systems() for k in sorted({0, len(self) // 2, len(self) - 1})]
+        made = [described(one) if isinstance(one, System) else str(one) for (one,) in few]
+        return super().identity() | {
+            "function": ", ".join(description(self.make).values()),
+            "points": digest(points),
+            "systems": digest("\n".join(made)),
+        }
 
 
 def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False) -> Ensemble:
@@ -370,7 +378,7 @@ def described(system: System) -> str:
     gm, q, v, softening = system.values
     radii = None if system.radii is None else system.radii.value
     epoch = "" if system.epoch is None else repr((system.epoch.jd1, system.epoch.jd2))
-    acting = repr((system.terms, system.forces, system.units, softening))
+    acting = in_full((system.terms, system.forces, system.units, softening))
     return f"System({in_words(system)}), {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
 
 
@@ -397,16 +405,3 @@ def _constant(value: Any, count: int) -> Any:
 
 def _named(point: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} = {value}" for name, value in point.items())
-
-
-def _code(function: Any) -> str:
-    """Return a hash of the code of a function and of what it has beside that, as far as it is known."""
-    bound = getattr(function, "args", ()), getattr(function, "keywords", {})  # of functools.partial
-    function = getattr(function, "func", function)
-    code = getattr(function, "__code__", None)
-    if code is None:
-        return "code unknown"
-    constants = [constant for constant in code.co_consts if not hasattr(constant, "co_code")]
-    cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    beside = re.sub(r" at 0x[0-9a-f]+", "", repr((constants, code.co_names, function.__defaults__, cells, bound)))
-    return digest(code.co_code.hex(), beside)

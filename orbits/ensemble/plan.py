@@ -12,13 +12,14 @@ from astropy.time import Time
 
 from orbits import integrators
 from orbits.archive.storage import free_bytes, human
-from orbits.checks import checked_flag, whole_number
+from orbits.checks import checked_flag, in_full, whole_number
 from orbits.elsewhere import unknown_argument
 from orbits.ensemble.members import Ensemble
 from orbits.ensemble.tasks import Task
 from orbits.errors import InputError, StorageError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
+from orbits.propagation.events.functions import description
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 
@@ -40,6 +41,8 @@ ROOM = 1 << 28
 
 OF_A_STATE, OF_A_BODY, OF_AN_ARCHIVE = 48, 2000, 200_000
 """About how many bytes an archive takes for a body at a sample, for a body beside that, and for itself."""
+
+ADDRESS = re.compile(r" at 0x[0-9a-f]+")
 
 OPTIONS = "dt", "duration", "until", "samples", "events", "stop", "check_step", "approaches"
 """The options of `propagate` that a campaign takes."""
@@ -197,5 +200,8 @@ def _described(value: Any) -> str:
     if isinstance(value, np.ndarray | list | tuple) and np.size(value) > 8:
         from orbits.ensemble.members import digest
 
-        return f"{np.size(value)} values, {digest(repr(np.asarray(value).tolist()))}"
-    return re.sub(r" at 0x[0-9a-f]+", "", repr(value))
+        return f"{np.size(value)} values, {digest(in_full(value))}"
+    text = in_full(value)
+    if ADDRESS.search(text) is None:
+        return text
+    return f"{ADDRESS.sub('', text)}, {description(value)['code']}"  # with functions of a user, as of events

@@ -19,6 +19,7 @@ Lagrange–d'Alembert principle: with f at the stages, P_i = p + h sum_j a_ij (d
 
 from __future__ import annotations
 
+import dis
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
@@ -40,6 +41,9 @@ FORCE_WITH_VARIABLES = "strength, own, t, q, v, y, f, rates"
 PARTICLE_FORCE = "strength, own, t, particle, sources, speeds, place, velocity"
 """The arguments of the kernels."""
 
+TIME = 2
+"""The place of the time among the arguments of all kernels."""
+
 
 @dataclass(frozen=True, eq=False)
 class BoundForce:
@@ -52,11 +56,20 @@ class BoundForce:
     parameters: NDArray[np.float64]
     inner: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
+    @property
+    def depends_on_time(self) -> bool:
+        """Whether one of its kernels reads the time."""
+        kernels = (kernel_of(self.tag.type, name) for name in ("force", "particle_force", "acceleration"))
+        codes = [x.py_func.__code__ for x in kernels if hasattr(x, "py_func")]
+        read = [(code.co_varnames[TIME], step) for code in codes for step in dis.get_instructions(code)]
+        return any(t in np.atleast_1d(step.argval) for t, step in read if step.opname.startswith("LOAD_FAST"))
+
     def check(self, particles: bool) -> None:
         """Raise InputError for what compiled code cannot take; particles : whether there are massless ones."""
         whose = f"the force {shown(self.name)}"
         if not isinstance(self.tag, Tag):
             raise InputError(f"{whose}: tag is {shown(self.tag)}; expected orbits.kernels.binding.Tag(name, kernels)")
+        self.tag.check()
         for name in ("parameters", "inner"):
             vector = getattr(self, name)
             is_vector = isinstance(vector, np.ndarray) and vector.dtype == np.float64 and vector.ndim == 1

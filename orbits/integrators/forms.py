@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.kernels.binding import Tag
-from orbits.kernels.compile.disk_cache import identity
 from orbits.kernels.lanes import WIDTH
 
 Array = NDArray[np.float64]
@@ -30,7 +29,7 @@ def _tag_of(kernels: Mapping[str, Any]) -> Tag:
     """Return the tag of kernels, with a name that tells them from all others."""
     digest = hashlib.sha256()
     for name, kernel in sorted(kernels.items()):
-        shown = identity(kernel.py_func) if hasattr(kernel, "py_func") else repr(kernel)
+        shown = f"{kernel.__module__}.{kernel.__qualname__}" if hasattr(kernel, "py_func") else repr(kernel)
         digest.update(f"{name}: {shown}\n".encode())
     return Tag(f"method-{digest.hexdigest()[:16]}", kernels)
 

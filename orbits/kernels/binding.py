@@ -20,6 +20,7 @@ from numba.core.datamodel.models import OpaqueModel
 from numba.core.imputils import lower_constant
 from numba.extending import NativeValue, intrinsic, register_model, unbox
 
+from orbits.kernels.compile.frozen import frozen_of
 from orbits.kernels.compile.verbs import WithoutFirst, verb
 from orbits.kernels.lanes import full, store
 
@@ -29,15 +30,22 @@ _KERNELS: dict[str, Mapping[str, Any]] = {}
 class Tag:
     """A Lagrangian as compiled code sees it.
 
-    name : unique; if the kernels may change under the same name, it must contain a hash of their source
+    name : unique; a hash of what is not of this package is added
     kernels : its kernels, by the names of the functions of this module
+
+    Raises InputError as `check`.
     """
 
     def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
-        self.name = name
-        self.type: Any = TagType(name)
+        own = frozen_of(kernels)
+        self.name = f"{name}-{own}" if own else name
+        self.type: Any = TagType(self.name)
         self._numba_type_ = self.type
-        _KERNELS[name] = dict(kernels)
+        _KERNELS[self.name] = dict(kernels)
+
+    def check(self) -> None:
+        """Raise InputError if the kernels read values that have changed since they were first used."""
+        frozen_of(_KERNELS[self.name])
 
     def provides(self, name: str) -> bool:
         """Whether the Lagrangian has the kernel of that name."""
@@ -60,6 +68,11 @@ class SumTag(Tag):
             self.name += f", with {' and '.join(force.name for force in self.forces)}"
         self.type = SumType(tuple(term.type for term in self.terms), tuple(force.type for force in self.forces))
         self._numba_type_ = self.type
+
+    def check(self) -> None:
+        """Raise InputError as the terms and forces do."""
+        for tag in (*self.terms, *self.forces):
+            tag.check()
 
     def provides(self, name: str) -> bool:
         """Whether all terms have the kernel of that name."""

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import inspect
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
 from typing import Any
-
-import numpy as np
 
 from orbits.checks import check_kernel
 from orbits.errors import InputError, shown
@@ -79,7 +73,7 @@ def from_kernels(
     provided = {**kernels, "dimension": d}
     if "accelerate" in kernels:
         provided["accelerate_stages"] = kernels["accelerate"]
-    made = Compiled(Tag(f"{name}-{d}-{_digest(kernels)}", provided), frozenset(traits))
+    made = Compiled(Tag(f"{name}-{d}", provided), frozenset(traits))
     return Lagrangian(
         name=name,
         formula=formula or "by hand",
@@ -90,47 +84,3 @@ def from_kernels(
         groups=symmetries,
         source=source,
     )
-
-
-def _digest(kernels: Mapping[str, Any]) -> str:
-    """Return a hash of everything that compiled code freezes: two Lagrangians of one name must never share kernels."""
-    digest = hashlib.sha256()
-    seen: set[int] = set()
-    for key, value in sorted(kernels.items()):
-        digest.update(key.encode())
-        _add(digest, value, seen)
-    return digest.hexdigest()[:16]
-
-
-def _add(digest: Any, value: Any, seen: set[int]) -> None:
-    """Add a value; for a function, its file, its code and the values that it captures."""
-    value = getattr(value, "py_func", value)
-    if isinstance(value, np.ndarray):
-        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-    elif isinstance(value, ModuleType):
-        digest.update(value.__name__.encode())
-    elif not isinstance(value, FunctionType):
-        digest.update(repr(value).encode())
-    elif id(value) not in seen:
-        seen.add(id(value))
-        digest.update(f"{value.__module__}.{value.__qualname__}".encode())
-        if value.__module__.partition(".")[0] == __name__.partition(".")[0]:
-            return  # a kernel of this package
-        path = Path(inspect.getfile(value))
-        if path.is_file():  # not for code typed into a session
-            digest.update(path.read_bytes())
-        _add_code(digest, value.__code__)
-        for name in value.__code__.co_names:
-            if name in value.__globals__:
-                _add(digest, value.__globals__[name], seen)
-        for cell in value.__closure__ or ():
-            _add(digest, cell.cell_contents, seen)
-
-
-def _add_code(digest: Any, code: CodeType) -> None:
-    digest.update(code.co_code + repr((code.co_names, code.co_varnames, code.co_freevars)).encode())
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            _add_code(digest, constant)
-        else:
-            digest.update(repr(constant).encode())

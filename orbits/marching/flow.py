@@ -143,6 +143,7 @@ class Flow:
         Raises ConvergenceError or SingularityError, with the step and the state, if a step cannot be taken; the error's
         `trajectory` holds the samples before.
         """
+        self.lagrangian.tag.check()
         x, y = self.lagrangian.vector(q, "q"), self.lagrangian.vector(p, "p")
         steps, every = whole_number(steps, "steps"), whole_number(every, "every")
         if CONSTRAINED in self.lagrangian.traits:

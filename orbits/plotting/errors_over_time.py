@@ -64,6 +64,7 @@ def plot_error(
     later = np.flatnonzero(run.times != 0.0)
     if len(later) < 2:
         raise InputError(f"{run!r} has {len(later)} samples after its start; expected at least 2 to show a growth.")
+    later = later[np.argsort(np.abs(run.times[later]), kind="stable")]  # samples may be in any order
     positions, whose = _positions(run, reference)
     series = _conserved(run)
     if positions is None and not series:
@@ -94,7 +95,7 @@ def plot_error(
         length = str(run.system.units.length).replace("AU", "au")
         axes.set_ylabel(f"distance [{length}]" if length else "distance")
     for axes in made.axes:
-        axes.set_xlabel(words.since(run.system, unit))
+        axes.set_xlabel(words.since(run.system, unit, backwards=run.times[later[-1]] < 0.0))
     made.suptitle(words.made_by(run) if title is None else title, x=0.01, ha="left", fontsize=17)
     named = [pair for axes in made.axes for pair in zip(*named_in(axes), strict=True)]
     style.below(made, [handle for handle, _ in named], [label for _, label in named], "; ".join(told))
@@ -175,10 +176,11 @@ def _positions(run: Run, reference: Any) -> tuple[Array | None, str]:
         return np.asarray(run.error_bars.position.value), "error bars of this run"
     if not all(hasattr(reference, name) for name in ("names", "times", "q", "integrator")):
         raise InputError(f"reference is {shown(reference)}; expected a Trajectory of the same bodies and times.")
-    if reference.names != run.names or not np.array_equal(reference.times, run.times):
+    mine, its = ((x.names, x.system.units.time, x.system.epoch) for x in (run, reference))
+    if mine != its or not np.array_equal(reference.times, run.times):
         raise InputError(
-            "the reference has other bodies or times than this run; propagate the same system to the same samples, "
-            "with a finer step or another method."
+            "the reference has other bodies, times or another epoch than this run; propagate the same system to the "
+            "same samples, with a finer step or another method."
         )
     apart = np.linalg.norm(reference.q.to_value(run.system.units.length) - run.q.value, axis=2)
     return apart, f"distance from {words.method_words(reference.integrator.label)}"

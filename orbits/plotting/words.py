@@ -132,9 +132,11 @@ def in_fitting_time(duration: float, unit: Any) -> str:
     return f"{duration * u.Unit(unit).to(best):.4g} {best}"
 
 
-def since(system: State, unit: str) -> str:
-    """Return the label of a time axis, with epoch and unit."""
-    start = "" if system.epoch is None else f" since {moment(system)}"
+def since(system: State, unit: str, *, backwards: bool = False) -> str:
+    """Return the label of a time axis, with epoch and unit; backwards : whether it counts the time before the epoch."""
+    start = " before the start" if backwards else ""
+    if system.epoch is not None:
+        start = f" {'before' if backwards else 'since'} {moment(system)}"
     return f"time{start} [{unit}]" if unit else f"time{start}"
 
 

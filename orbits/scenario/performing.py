@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+from orbits.checks import in_full
 from orbits.errors import InputError, OrbitsError, counted, shown, with_unit
 from orbits.json_text import json_text, plain
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
@@ -157,7 +158,7 @@ def _performed(
 def _parts(scenario: Scenario, name: str, system: System, grid: TimeGrid, folder: Path, say: Say) -> Parts:
     """Return the finished stages of a comparison, which depend on the problem alone."""
     x = system.values
-    problem = hashlib.sha256(repr((system.names, system.terms, x.softening, grid.clock)).encode())
+    problem = hashlib.sha256(in_full((system.names, system.terms, system.forces, x.softening, grid.clock)).encode())
     for each in (x.gm, x.q, x.v, grid.times):
         problem.update(each.tobytes())
     made_by = {"scenario": scenario.name, "case": name, "problem": problem.hexdigest(), "rebound": version("rebound")}

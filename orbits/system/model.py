@@ -297,7 +297,7 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
             forces.append(cast(Any, force).bound_to(heavy, light, system.units))
             continue
         if isinstance(force, CentralForce):
-            forces.append(force.about(heavy.index(force.source), heavy, light, system.units))
+            forces.append(_lasting(force, force.about(heavy.index(force.source), heavy, light, system.units)))
             continue
         on = np.ones(len(names), dtype=bool) if force.bodies is None else np.isin(names, force.bodies)
         forces.append(_bound(force, on[massive], on[~massive], system.units))
@@ -305,6 +305,7 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
         vector = parameters(system.values.gm[system.massive], system.values.softening)
         return Model(newtonian, vector, tuple(forces))
     lagrangian = lagrangian_of(system)
+    lagrangian.tag.check()
     return Model(lagrangian, lagrangian.parameter_vector, tuple(forces))
 
 
@@ -318,6 +319,19 @@ def _bound(force: Force, massive: NDArray[np.bool_], particles: NDArray[np.bool_
             f"bound(...) of {type(force).__name__} returns {shown(found)}; expected an orbits.forces.base.BoundForce"
         )
     found.check(bool(len(particles)))
+    return _lasting(force, found)
+
+
+def _lasting(force: Force, found: BoundForce) -> BoundForce:
+    """Return a bound force. Raises InputError for one of the time that would begin anew with the states of a run."""
+    from orbits.forces.base import Force
+
+    if type(force).later is Force.later and found.depends_on_time:
+        raise InputError(
+            f"a kernel of {type(force).__name__} reads t, the time since the epoch of the system, and states of a run "
+            "have later epochs; expected a method later(self, time) that returns the force for an epoch that is later "
+            "by that quantity, as MassLoss does."
+        )
     return found
 
 

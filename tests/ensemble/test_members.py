@@ -260,3 +260,28 @@ def test_members_with_masses_among_the_same_bodies_are_refused():
 def test_parameters_of_a_grid_that_are_columns_of_the_table_are_refused():
     with pytest.raises(InputError, match="'state' is a column of the table"):
         ensemble.grid(giants, state=[1, 2])
+
+
+def test_campaigns_that_differ_in_the_last_digit_are_told_apart():
+    """Quantities show eight digits, and long arrays their ends; a function of a grid reads what is around it."""
+
+    def pushed(A2):
+        return ensemble.particles(giants(), system(3).with_forces(orbits.terms.NonGravitational(A2=A2, bodies=["p0"])))
+
+    def grid(a):
+        return ensemble.grid(lambda e: giants().add("x", primary="Sun", a=a, e=e), e=[0.0, 0.1])
+
+    def plan(members, t):
+        samples, event = np.arange(0.0, 10.0) * t, orbits.events.Event(lambda t, q, v: t - end, name="end")
+        return ensemble.Plan(members, duration="20 yr", dt=10, samples=samples, events=event)
+
+    tiny, end = 1e-12 * u.au / u.day**2, 1.0
+    assert pushed(tiny).identity() != pushed(tiny * (1.0 + 1e-11)).identity()
+    table = {k: np.array([*np.ones(1000), k, *np.ones(1000)]) for k in (1.0, 2.0)}
+    named = [ensemble.grid(lambda e, t=table[k]: giants(), e=[0.0]).identity()["function"] for k in table]
+    assert named[0] != named[1]
+    assert grid(3.0).identity() == grid(3.0).identity() != grid(3.0 + 1e-12).identity()
+    first, other = (plan(belt(3), t).identity() for t in (u.yr, u.day))
+    assert first != other
+    end = 2.0
+    assert plan(belt(3), u.yr).identity() != first

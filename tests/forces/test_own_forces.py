@@ -11,12 +11,18 @@ from orbits.errors import InputError
 from orbits.forces.base import BoundForce, Force
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
+from orbits.kernels.lanes import get, put
 from orbits.system.model import model
 
 
 @kernel
 def force(strength, own, t, q, v, f):
     pass
+
+
+@kernel
+def of_time(strength, own, t, q, v, f):
+    put(f, 0, get(f, 0) + t)
 
 
 @kernel
@@ -31,6 +37,7 @@ def particle_force(strength, own, t, particle, sources, speeds, place, velocity)
 
 BOTH = Tag("nothing", {"force": force, "particle_force": particle_force})
 ONE = Tag("nothing-on-bodies", {"force": force})
+LATE = Tag("something-of-time", {"force": of_time, "particle_force": particle_force})
 FEW = Tag("nothing-of-few", {"force": of_few, "particle_force": particle_force})
 PLAIN = Tag("nothing-plain", {"force": len, "particle_force": particle_force})
 
@@ -68,6 +75,7 @@ WRONG = {
     "no tag": (BoundForce("it", "nothing", NUMBERS), "tag is 'nothing'; expected orbits.kernels.binding.Tag"),
     "no particles": (BoundForce("it", ONE, NUMBERS), "no kernel particle_force for the massless bodies of this system"),
     "arguments": (BoundForce("it", FEW, NUMBERS), r"takes \(strength, own, q, f\); expected force\(strength, own, t"),
+    "time": (BoundForce("it", LATE, NUMBERS), r"a kernel of Own reads t, .* expected a method later\(self, time\)"),
     "not compiled": (BoundForce("it", PLAIN, NUMBERS), "force is not compiled; put @orbits.kernel above"),
 }
 

@@ -2,9 +2,14 @@
 
 import ast
 import shutil
+import types
 
+import numpy as np
 import pytest
 
+from orbits.forces import drag
+from orbits.kernels.binding import Tag
+from orbits.kernels.compile import kernel
 from orbits.kernels.compile.source_hash import (
     KERNEL_FOLDERS,
     MARKS,
@@ -14,6 +19,7 @@ from orbits.kernels.compile.source_hash import (
     stamp_of,
     without_prose,
 )
+from orbits.kernels.lanes import put, rsqrt_cubed, sqrt
 
 from ..coverings import first
 
@@ -195,3 +201,28 @@ def taken(text):
             assert node.level == 0
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
     return found
+
+
+KERNEL = """
+@kernel
+def force(strength, own, t, q, v, f):
+    put(f, 0, settings.K * TABLE[0] * root(own[0]) {})
+"""
+
+
+def tag_of(K=1.0, table=(1.0, 2.0), root=sqrt, more=""):
+    settings = types.ModuleType("settings")
+    settings.K = K
+    scope = {"kernel": kernel, "put": put, "__name__": "mine", "settings": settings, "TABLE": table, "root": root}
+    exec(compile(KERNEL.format(more), "<stdin>", "exec"), scope)
+    return Tag("headwind", {"force": scope["force"]})
+
+
+def test_what_kernels_of_users_freeze_is_in_the_names_of_their_tags():
+    """An edited force, and one that reads other values, would otherwise run the code of the first of that name."""
+    tables = [np.array([1.0, *np.zeros(2000), x]) for x in (0.0, 1.0)]  # shown alike
+    others = [{}, {"K": 2.0}, {"table": (3.0, 2.0)}, {"root": rsqrt_cubed}, {"more": "+ 1"}]
+    names = [tag_of(**changed).name for changed in (*others, *({"table": x} for x in tables))]
+    assert len(set(names)) == len(names)
+    assert tag_of().name == names[0]
+    assert drag.TAG.name == "drag"  # the stamp covers the package

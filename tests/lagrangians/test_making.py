@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 import orbits
 from orbits.errors import InputError, IntegrationError, SingularityError
+from orbits.kernels.binding import kernel_of
 from orbits.kernels.lanes import get, put
 from orbits.kernels.lanes.functions import cos, sin
 from orbits.lagrangians.base import SEPARABLE
@@ -273,6 +274,9 @@ def test_kernels_typed_into_a_session_that_look_alike_are_not_confused():
     ends = [orbits.march(L, orbits.StormerVerlet(), q=[1.0], v=[0.0], dt=0.1, steps=1).q[-1, 0] for L in (one, other)]
     assert ends == pytest.approx([1 - 0.005 * np.sin(1.0), 1 - 0.005 * np.cos(1.0)], abs=1e-15)
     assert stronger.tag.name not in (one.tag.name, other.tag.name)
+    kernel_of(one.tag.type, "accelerate").py_func.__globals__["strength"] = 2.0  # compiled code keeps 1.0
+    with pytest.raises(InputError, match=r"kernel accelerate reads a variable .* has changed since it was first used"):
+        orbits.march(one, orbits.StormerVerlet(), q=[1.0], v=[0.0], dt=0.1, steps=1)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,6 @@ is `__main__` when it is run as a script.
 from __future__ import annotations
 
 import contextlib
-import dis
 import hashlib
 import inspect
 import os
@@ -22,7 +21,6 @@ import stat
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import CodeType
 from typing import Any
 
 from numba import types
@@ -32,7 +30,7 @@ from numba.core.serialize import dumps
 
 from orbits.kernels.compile import trusted_files
 from orbits.kernels.compile.entry_locks import locked
-from orbits.kernels.compile.source_hash import is_covered
+from orbits.kernels.compile.frozen import frozen, instructions
 
 CHECKSUM_BYTES = 16
 
@@ -239,11 +237,11 @@ class KernelCache(caching.FunctionCache):
         return self._cache_file.alone(sig)
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
-        """Return the key of an entry, which also distinguishes functions of the same name in one file, and records of
-        the same types with other fields.
+        """Return the key of an entry, which also distinguishes functions of the same name in one file, those that read
+        other values, and records of the same types with other fields.
         """
         captured = [cell.cell_contents for cell in self._py_func.__closure__ or ()]
-        own = checksum(dumps(captured)) if captured else b""
+        own = (checksum(dumps(captured)) if captured else b"") + frozen(self._py_func).encode()
         return sig, codegen.magic_tuple(), self._instructions, own, *fields_of_records(getattr(sig, "args", sig))
 
 
@@ -255,28 +253,6 @@ def fields_of_records(arguments: Any) -> Iterator[tuple[str, ...]]:
         if isinstance(one, types.BaseTuple):
             yield tuple(getattr(one, "fields", ()))
             yield from fields_of_records(one)
-
-
-def identity(function: Callable[..., Any]) -> str:
-    """Return text that changes if the compiled code of a kernel may change while the stamp does not."""
-    name, file = f"{function.__module__}.{function.__qualname__}", inspect.getfile(function)
-    if is_covered(file):
-        return name
-    source = Path(file).read_bytes() if Path(file).is_file() else b""  # empty for code typed into a session
-    return f"{name} {checksum(source).hex()} {checksum(instructions(function.__code__).encode()).hex()}"
-
-
-def instructions(code: CodeType) -> str:
-    """Return the instructions of a function as text, without docstring, comments and line numbers."""
-    parts = [repr((code.co_varnames, code.co_argcount))]
-    for step in dis.get_instructions(code):
-        shown = step.argrepr
-        if isinstance(step.argval, CodeType):
-            shown = instructions(step.argval)
-        elif isinstance(step.argval, frozenset):  # in another order in each process
-            shown = repr(sorted(step.argval, key=repr))
-        parts.append(f"{step.opname} {shown}")
-    return "\n".join(parts)
 
 
 def _owners(source: str) -> frozenset[int]:

@@ -11,6 +11,7 @@ from types import ModuleType
 
 from orbits.kernels.compile import trusted_files
 from orbits.kernels.compile.disk_cache import checksum
+from orbits.kernels.compile.frozen import GENERATED
 from orbits.kernels.compile.source_hash import source_stamp
 
 _LOADING = threading.RLock()
@@ -26,7 +27,7 @@ def digest(*parts: str) -> str:
 
 def module(key: str, write: Callable[[], str]) -> ModuleType:
     """Return the generated module of that key, made by `write` if no process has made it before."""
-    name = f"orbits_lagrangian_{key}"
+    name = f"{GENERATED}{key}"
     with _LOADING:  # another thread must not see a partially executed module
         if name in sys.modules:
             return sys.modules[name]

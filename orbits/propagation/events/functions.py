@@ -68,7 +68,8 @@ def _seen(value: Any, inside: tuple[int, ...]) -> Any:
     if isinstance(value, CodeType):
         return [value.co_code.hex(), value.co_names, [_seen(x, inside) for x in value.co_consts]]
     if isinstance(value, np.ndarray):
-        return [str(value.dtype), value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
+        numbers = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
+        return [str(value.dtype), str(getattr(value, "unit", "")), value.shape, numbers]
     if isinstance(value, tuple | list):
         return [type(value).__name__, *(_seen(x, inside) for x in value)]
     if isinstance(value, set | frozenset):
