@@ -22,6 +22,7 @@ from __future__ import annotations
 import dis
 from collections.abc import Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -45,6 +46,15 @@ TIME = 2
 """The place of the time among the arguments of all kernels."""
 
 
+@cache
+def _reads_time(tag_type: Any) -> bool:
+    """Return whether a kernel of a force reads the time; the type of its tag stands for the code of all."""
+    kernels = (kernel_of(tag_type, name) for name in ("force", "particle_force", "acceleration"))
+    codes = [x.py_func.__code__ for x in kernels if hasattr(x, "py_func")]
+    read = [(code.co_varnames[TIME], step) for code in codes for step in dis.get_instructions(code)]
+    return any(t in np.atleast_1d(step.argval) for t, step in read if step.opname.startswith("LOAD_FAST"))
+
+
 @dataclass(frozen=True, eq=False)
 class BoundForce:
     """A force bound to the bodies of a system: its name for messages, its kernels, its parameter vector, and its
@@ -59,10 +69,7 @@ class BoundForce:
     @property
     def depends_on_time(self) -> bool:
         """Whether one of its kernels reads the time."""
-        kernels = (kernel_of(self.tag.type, name) for name in ("force", "particle_force", "acceleration"))
-        codes = [x.py_func.__code__ for x in kernels if hasattr(x, "py_func")]
-        read = [(code.co_varnames[TIME], step) for code in codes for step in dis.get_instructions(code)]
-        return any(t in np.atleast_1d(step.argval) for t, step in read if step.opname.startswith("LOAD_FAST"))
+        return _reads_time(self.tag.type)
 
     def check(self, particles: bool) -> None:
         """Raise InputError for what compiled code cannot take; particles : whether there are massless ones."""
