@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from orbits.astrometry import ades, jpl_radar, mpc80, weights
 from orbits.astrometry.record import OPTICAL, Ignored, Record
 from orbits.body_names import few
-from orbits.errors import InputError, UnknownNameError, counted, shown
+from orbits.errors import InputError, OutOfRangeError, UnknownNameError, counted, shown
 from orbits.observing.clocks import dynamical
 from orbits.resources import data_path
 
@@ -112,8 +112,14 @@ class Observations:
         return len(self.records)
 
     def __getitem__(self, rows: Any) -> Self:
-        """Return some of them, by a slice, numbers or a mask."""
-        picked = np.atleast_1d(np.arange(len(self))[rows])
+        """Return some of them, by a slice, numbers or a mask. Raises OutOfRangeError for anything else."""
+        try:
+            picked = np.atleast_1d(np.arange(len(self))[rows])
+            if picked.ndim > 1:
+                raise ValueError(f"rows of shape {picked.shape}")
+        except (IndexError, TypeError, ValueError) as error:
+            expected = "expected a slice, numbers or a mask; of one body they are observations.of(name)."
+            raise OutOfRangeError(f"observations[{shown(rows)}]: {error}; {expected}") from None
         return type(self)(tuple(self.records[k] for k in picked.tolist()), self.ignored, source=self.source)
 
     def of(self, body: str) -> Self:

@@ -44,7 +44,7 @@ def clones(
     count : of the clones; the first member is the body itself, on its nominal orbit
     seed : of the random numbers: the same seed draws the same clones, and more of them begin with the same ones
     elements : six elements as in `System.add`, in the order of the rows, and the unit of each (1 for none)
-    primary, frame : of the elements, as in `System.elements`
+    primary, frame : of the elements, as in `System.elements`; without elements they are refused
 
     A massless body is cloned among the same other bodies; forces on it act on its clones, too, and a rigid body is
     refused. Of one with mass, each clone is a system of its own, in which the other bodies begin as they are. Raises
@@ -56,7 +56,13 @@ def clones(
     if hasattr(covariance, "system") and hasattr(covariance, "covariance"):
         warn_of_range(covariance)
         covariance = covariance.covariance()
-    if isinstance(covariance, Covariance):
+    known = isinstance(covariance, Covariance)
+    if (known or elements is None) and any(x is not None for x in (elements, primary, frame)):
+        beside = "the covariance of a fit, such as fit.covariance('keplerian')" if known else "a matrix of a state"
+        raise InputError(
+            f"elements, primary and frame say of which elements a matrix is; expected none of them with {beside}."
+        )
+    if known:
         covariance.require_of(system, system.names[place])
         if len(covariance.names) > 6:
             raise InputError(
@@ -67,8 +73,7 @@ def clones(
         if covariance.form == "cartesian":
             covariance = in_units_of(system, covariance)
         else:
-            if elements is None:
-                elements, primary, frame = dict(zip(covariance.names, covariance.units, strict=True)), "Sun", "ecliptic"
+            elements, primary, frame = dict(zip(covariance.names, covariance.units, strict=True)), "Sun", "ecliptic"
             covariance = covariance.matrix
     seed = whole_number(seed, "seed", least=0)
     deviations = np.vstack([np.zeros(6), drawn(covariance, count, seed)])

@@ -87,7 +87,7 @@ def fit(
     parameters : what is fitted besides the state: "A1", "A2", "A3" of the body, which begin at 0, as g = (1 au / r)^2
         (`NonGravitational.yarkovsky`), if no such force acts in the system; and others of it, "Ceres.gm", "Earth.J2"
     sigma : uncertainties of optical ones, an angle for all, or (m,), or (m, 2) for right ascension times cos(dec) and
-        declination; by default those of `observations.sigma`
+        declination; by default those of `observations.sigma`. Correlations of both stay those given with the places
     reject : whether outliers are rejected, after Carpino, Milani & Chesley (2003): those whose chi-squared is above 8,
         which are taken back below 7; of fewer than 20 without a start, only if chi-squared of all is more than that of
         the rest and 8 for each of them. `fit.rejected` has them; of radar, or of more than a tenth, an OrbitsWarning

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.astrometry.observations import Observations
 from orbits.astrometry.record import DELAY, DOPPLER, OPTICAL
+from orbits.checks import finite_number
 from orbits.errors import counted
 from orbits.export import Valued
 from orbits.finding import Finding
@@ -114,7 +115,7 @@ class Fit(Valued):
         Raises UnknownNameError for another form, InputError as `orbits.state_transition`.
         """
         system, start, matrix, parameters = self.system, self._found.start, self._matrix, self._problem.arc.parameters
-        if at is not None and times_since(system, at, "at") != 0.0:
+        if at is not None and finite_number(times_since(system, at, "at"), "at") != 0.0:
             run = propagate(system, until=at, samples=2)
             system, matrix, parameters = run[-1], spread(run, Uncertain.of(system, self), run.times[-1:])[0], ()
             start = np.concatenate([x[system.names.index(self.name)] for x in system.values[1:3]])

@@ -39,7 +39,7 @@ def magnitude(H: float, G: float, sun_distance: Array, distance: Array, phase: A
 def slopes(names: Sequence[str], H: Any, G: Any) -> dict[str, tuple[float, float]]:
     """Return H and G of the bodies for which they are known.
 
-    names : of the bodies that are observed
+    names : of the bodies that are observed, whose distance from the Sun is known
     H : a number for a single body, numbers by name, a `Catalogue`, or None for the catalogue of the package
     G : as H, in numbers; where a catalogue has none it is 0.15, as for the MPC and JPL
     Raises InputError for H without G, or G without H, and UnknownNameError for a body that is not observed.
@@ -48,16 +48,15 @@ def slopes(names: Sequence[str], H: Any, G: Any) -> dict[str, tuple[float, float
         if G is not None:
             raise InputError("G is given without H; expected both: H=19.09, G=0.24, or by name, H={'Apophis': 19.09}.")
         return _of_catalogue(names, H)
-    numbers = [_by_name(names, x, what) for what, x in (("H", H), ("G", G)) if x is not None]
-    missing = [name for name in numbers[0] if len(numbers) == 1 or name not in numbers[1]]
-    if missing:
+    of_H, of_G = ({} if x is None else _by_name(names, x, what) for what, x in (("H", H), ("G", G)))
+    if missing := [name for name in of_H if name not in of_G]:
         raise InputError(
             f"H is given without G for {few(missing)}; expected both. Where it is not known, the MPC and JPL take "
             f"G={USUAL_G}."
         )
-    if more := [name for name in numbers[1] if name not in numbers[0]]:
+    if more := [name for name in of_G if name not in of_H]:
         raise InputError(f"G is given without H for {few(more)}; expected both.")
-    return {name: (numbers[0][name], numbers[1][name]) for name in numbers[0]}
+    return {name: (of_H[name], of_G[name]) for name in of_H}
 
 
 def _by_name(names: Sequence[str], given: Any, what: str) -> dict[str, float]:
@@ -66,6 +65,10 @@ def _by_name(names: Sequence[str], given: Any, what: str) -> dict[str, float]:
             names[index_of(name, names, of=what)]: finite_number(x, f"{what}[{name!r}]")
             for name, x in given.items()
         }
+    if not names:
+        raise InputError(
+            f"{what} is {shown(given)}, but no observed body has a known distance from the Sun; expected none."
+        )
     if len(names) != 1:
         raise InputError(
             f"{what} is {shown(given)} for {len(names)} bodies; expected numbers by name, such as "

@@ -57,9 +57,10 @@ def ephemeris_of(
     t = np.atleast_1d(since)
     track = Track(run)
     targets = _targets(run.names, bodies, where)
-    small = [run.names[i] for i in targets if system.values.gm[i] * track.gm_unit <= LARGEST_ASTEROID or H is not None]
-    known_slopes = slopes(small, H, G) if small or G is not None else {}
     sight = Sight.of(track, t, where)
+    lit = [i for i in targets if sight.placing.sun is not None and known(run.names[i]) != SUN]
+    small = [run.names[i] for i in lit if system.values.gm[i] * track.gm_unit <= LARGEST_ASTEROID or H is not None]
+    known_slopes = slopes(small, H, G)
     columns = {name: np.full((len(t), len(targets)), np.nan) for name in COLUMNS}
     for k, seen in sight.each(track, targets):
         body = run.names[targets[k]]

@@ -14,6 +14,7 @@ from astropy.time import Time
 from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
+from orbits.checks import finite_number
 from orbits.errors import InputError, UnknownNameError, counted, shown
 from orbits.observing.transits import Linear, counted_transits, orbits_between
 
@@ -76,7 +77,7 @@ class TransitTimes:
         Passed over are empty lines, what follows a "#", and a first line without numbers. Raises InputError that names
         each other line which does not have these columns, and UnknownNameError for a planet that is not in `names`.
         """
-        found = _columns(path, columns, ("planet", "number", "time", "sigma"), ("planet",))
+        found = _columns(path, columns, ("planet", "number", "time", "sigma"), {"planet": planet})
         given = found.get("planet", np.full(len(found["time"]), "" if planet is None else planet))
         if names is not None:
             unknown = sorted({str(x) for x in given} - {str(x) for x in names})
@@ -159,10 +160,13 @@ class RadialVelocities:
         Passed over are empty lines, what follows a "#", and a first line without numbers. Raises InputError that names
         each other line which does not have these columns.
         """
-        found = _columns(path, columns, ("time", "velocity", "sigma", "instrument"), ("instrument",))
-        name = Path(path).stem if instrument is None else instrument
-        given = found.get("instrument", np.full(len(found["time"]), name))
-        return cls(given, _dates(zero, found["time"]), found["velocity"] * unit, found["sigma"] * unit)
+        found = _columns(path, columns, ("time", "velocity", "sigma", "instrument"), {"instrument": instrument})
+        given = found.get("instrument", Path(path).stem if instrument is None else instrument)
+        try:
+            one = u.Unit(unit).to(u.m / u.s) * u.m / u.s
+        except (u.UnitConversionError, TypeError, ValueError):
+            raise InputError(f"unit is {shown(unit)}; expected one of speed, such as u.km / u.s.") from None
+        return cls(given, _dates(zero, found["time"]), found["velocity"] * one, found["sigma"] * one)
 
     @property
     def instruments(self) -> tuple[str, ...]:
@@ -262,7 +266,7 @@ def _fields(one: Any) -> list[Any]:
 
 def _some(one: Any, named: str, name: str) -> list[Any]:
     """Return the fields of the measurements with a name. Raises UnknownNameError."""
-    rows = getattr(one, named) == name
+    rows = getattr(one, named) == name if isinstance(name, str) else np.zeros(0)
     if not rows.any():
         known = few(list(dict.fromkeys(getattr(one, named).tolist())))
         raise UnknownNameError(f"there is no {named} {shown(name)}; expected one of {known}.")
@@ -283,7 +287,7 @@ def _joined(one: Any, other: Any) -> list[Any]:
 
 
 def _dates(zero: float, days: Array) -> Time:
-    return Time(np.full(len(days), float(zero)), days, format="jd", scale="tdb")
+    return Time(np.full(len(days), finite_number(zero, "zero")), days, format="jd", scale="tdb")
 
 
 def _span(time: Time) -> str:
@@ -291,13 +295,20 @@ def _span(time: Time) -> str:
 
 
 def _columns(
-    path: str | PathLike[str], columns: Sequence[str], known: Sequence[str], texts: Sequence[str]
+    path: str | PathLike[str], columns: Sequence[str], known: Sequence[str], texts: Mapping[str, Any]
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of a file by name. Raises InputError that names the lines which do not have them."""
-    wrong = [x for x in columns if x not in (*known, LEFT_OUT)]
-    missing = [x for x in known if x not in columns and x not in ("planet", "number", "instrument")]
+    """Return the columns of a file by name. Raises InputError that names the lines which do not have them.
+
+    texts : those that are no numbers, with what is given for all lines, or None
+    """
+    listed = isinstance(columns, list | tuple)
+    wrong = [x for x in columns if x not in (*known, LEFT_OUT)] if listed else [columns]
+    missing = [x for x in known if listed and x not in columns and x not in ("planet", "number", "instrument")]
     if wrong or missing:
         raise InputError(f"columns is {shown(columns)}; expected {', '.join(known)}, '-' for others, in their order.")
+    for name, given in texts.items():
+        if given is not None and name in columns:
+            raise InputError(f"{name} is {shown(given)}, but a column has it, too; expected columns without {name!r}.")
     rows, bad, first = [], [], True
     for number, line in enumerate(_lines(path), 1):
         words = line.split("#")[0].replace(",", " ").split()

@@ -19,14 +19,15 @@ PANELS = (("ra", "right ascension × cos δ"), ("dec", "declination"), ("delay",
 
 @style.look()
 def of_residuals(table: Any, title: str) -> Figure:
-    """Return a Figure with the residuals over time, a panel for each kind that is in the table; crosses are rejected.
+    """Return a Figure with the residuals over time, a panel for each kind that has some; crosses are rejected.
 
     table : with date, whether used, and residual and sigma, quantities, of each kind
     """
     years, used = table["date"].jyear, np.asarray(table["used"])
-    shown = [(name, words) for name, words in PANELS if f"residual_{name}" in table.colnames]
+    there = {name for name in table.colnames if name.startswith("residual_") and np.isfinite(table[name]).any()}
+    shown = [(name, words) for name, words in PANELS if f"residual_{name}" in there]
     figure = style.figure(height=4.5 * len(shown))
-    panels = figure.subplots(len(shown), 1, sharex=True)
+    panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     for (name, words), panel in zip(shown, panels, strict=True):
         off, bars = table[f"residual_{name}"], table[f"sigma_{name}"]
         limit = MARGIN * float(np.nanmax(np.abs(off[used].value), initial=0.01))

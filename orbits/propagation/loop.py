@@ -346,7 +346,7 @@ def _sample(
             break
         store.add(q, v, accounts)
         index += len(q)
-        if watch.called_back(sample):
+        if watch.called_back(sample, accounts[0]):
             return False
         if store.full and index < goals:
             store.commit(marcher)

@@ -52,8 +52,8 @@ def march_of_run(
         )
     if events.touching and integrator.follows_kepler:
         raise InputError(
-            f"collisions are sought, but {integrator.label} cannot follow bodies that come close to each other. Use "
-            "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
+            f"collisions are sought in steps, which {integrator.label} leaves, or does not resolve, where bodies come "
+            "close to each other. Use Gauss(stages=8), the default, without dt: steps are then chosen one by one."
         )
     from orbits.propagation.chain_of_legs import ChainOfLegs
     from orbits.propagation.collisions.bodies_of_run import BodiesOfRun

@@ -148,8 +148,9 @@ def propagate(
         the run. With it, or with events, the systems of a list are propagated one after the other
     check_step : warn with `StepWarning` before the run if dt is too long for the fastest passage ahead, and after it
         about close passages that the step did not resolve (see `run.unresolved()`); with `OrbitsWarning` about
-        bodies so far from the origin that their separations have few digits. "refuse" raises InputError instead of the
-        warning before the run; False leaves all of this out
+        bodies so far from the origin that their separations have few digits. After a run in which bodies merged,
+        bounced or were changed, no passages are judged. "refuse" raises InputError instead of the warning before the
+        run; False leaves all of this out
     approaches : whether closest approaches are looked for, for `run.closest_approaches()`. None looks for them where
         that takes little time, with Gauss and other implicit methods, and with rigid bodies, to warn of those that
         touch. With maps it may take longer than the steps: True asks for them. The states, events and other warnings

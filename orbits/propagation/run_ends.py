@@ -24,6 +24,7 @@ from orbits.propagation.events.search.of_particles import ParticleSearches
 from orbits.propagation.events.seeking import Seeking
 from orbits.results.stop import Stop
 from orbits.system import System
+from orbits.system.model import continued
 from orbits.trajectory.changes import at_time
 from orbits.trajectory.events import BODY, NUMBER, OTHER, TIME
 from orbits.trajectory.retired import absent, moved
@@ -147,29 +148,39 @@ class RunEnds:
         """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
         return self.events.before_sample(self.marcher.current, sample)
 
-    def called_back(self, sample: Sample) -> bool:
-        """Return whether the callback ends the run at a sample, and note it."""
+    def called_back(self, sample: Sample, accounts: Array) -> bool:
+        """Return whether the callback ends the run at a sample, and note it; accounts : of the forces there."""
         if self.callback is None:
             return False
-        time, now = u.Quantity(sample.time, self.system.units.time), self.system_at(*sample)
+        time, now = u.Quantity(sample.time, self.system.units.time), self.system_at(*sample, accounts)
         if not asks_to_stop(self.callback, time, now):
             return False
-        self.note(sample.time, sample[1:], "the callback ended the run", None)
+        self.note(sample.time, sample[1:], "the callback ended the run", None, accounts)
         return True
 
     def note(
-        self, now: float, state: tuple[Array, Array], reason: str, condition: Condition | Sought | None
+        self,
+        now: float,
+        state: tuple[Array, Array],
+        reason: str,
+        condition: Condition | Sought | None,
+        accounts: Array | None = None,
     ) -> None:
-        """Record the reason, the time and the state: q and v, (bodies, 3)."""
+        """Record the reason, the time and the state: q and v, (bodies, 3), and accounts as in `system_at`."""
         t = u.Quantity(now, self.system.units.time)
-        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, self.system_at(now, *state))
+        self.stopped = Stop(f"{reason} at t = {t:.10g}", condition, t, self.system_at(now, *state, accounts))
 
-    def system_at(self, time: float, q: Array, v: Array) -> System:
-        """Return the system at a time, with q and v, (n, 3), and the bodies that are there."""
+    def system_at(self, time: float, q: Array, v: Array, accounts: Array | None = None) -> System:
+        """Return the system at a time, with q and v, (n, 3), and the bodies that are there.
+
+        accounts : of the forces there, (forces, columns), with their internal variables; None for those of the state
+            that the march returned last
+        """
         changes = self.marcher.changes()
         if changes is not None:
             return at_time(self.system, changes, q, v, time)
-        return moved(self.system, q, v, time, absent(q, v, self.system.massive))
+        system = continued(self.system, self.marcher.accounts() if accounts is None else accounts)
+        return moved(system, q, v, time, absent(q, v, self.system.massive))
 
 
 class ParticlesOfRun:

@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from orbits import ephemeris
 from orbits.body_names import chosen, few
 from orbits.checks import check_physical
-from orbits.errors import EpochError, InputError
+from orbits.errors import EpochError, InputError, shown
 from orbits.export import html_table, text_table
 from orbits.json_text import json_text
 from orbits.regression.kernels import DE440, Kernel, dates, is_kernel, opened
-from orbits.spk.bodies import known_number
+from orbits.spk.bodies import checked_ids, known_number
+from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from orbits.system import System
-    from orbits.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -157,6 +157,8 @@ def residuals(
     Raises InputError for a run in pure numbers, or without an epoch or a Sun, a file that is no such kernel, and a body
     asked for that it does not have; EpochError for times that it does not cover.
     """
+    if not isinstance(run, Trajectory):
+        raise InputError(f"run is {shown(run)}; expected a run of orbits.propagate.")
     check_physical(run.system.units, "orbits.residuals")
     days = np.asarray(run.t.to_value(u.day))
     with _common(run.system, against, days, bodies, ids) as (kernel, known, missing, whole, rests):
@@ -187,10 +189,11 @@ def _common(
         raise EpochError("the run has no epoch, so that an ephemeris has no times for it; give the system an epoch.")
     if "Sun" not in system.names:
         raise InputError("the run has no body 'Sun', from which positions are compared; name the star so.")
-    if bodies is not None and not isinstance(bodies, str) and not len(bodies):
-        raise InputError("bodies is empty; expected names, or None for all that the ephemeris has.")
     names = np.array(system.names, dtype=object)[chosen(system.names, bodies)].tolist()
-    numbers = {name: known_number(name, ids) for name in names if name != "Sun"}
+    if not names:
+        raise InputError("bodies is empty; expected names, or None for all that the ephemeris has.")
+    given = checked_ids(system.names, ids)
+    numbers = {name: known_number(name, given) for name in names if name != "Sun"}
     if not numbers:
         raise InputError("there is only the Sun, from which positions are compared; expected other bodies.")
     whole, rests = dates(epoch.jd1, epoch.jd2, days)

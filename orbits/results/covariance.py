@@ -9,7 +9,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.checks import finite_numbers
+from orbits.checks import finite_numbers, is_one_of
 from orbits.elements.frames import icrf_to_ecliptic
 from orbits.elements.osculating import elements_from_state
 from orbits.errors import InputError, UnknownNameError, shown
@@ -159,7 +159,7 @@ def in_form(
     body, epoch : whose orbit it is, and when
     Raises UnknownNameError for another form, InputError for a state without elements.
     """
-    if form not in FORMS:
+    if not is_one_of(form, FORMS):
         raise UnknownNameError(f"there is no form {shown(form)} of a covariance; expected one of {', '.join(FORMS)}.")
     names, units = zip(*FORMS[form], strict=True)
     names, units = (*names, *(one.name for one in parameters)), (*units, *(one.unit for one in parameters))

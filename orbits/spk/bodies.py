@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from orbits import ephemeris
 from orbits.body_names import few, index_of
@@ -22,28 +23,36 @@ MANY_ASTEROIDS = 20_000_000
 SOLAR_SYSTEM_BARYCENTRE = 0
 
 
-def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, int]:
+def checked_ids(names: Sequence[str], ids: Any) -> dict[str, int]:
+    """Return the numbers that a caller gives, by the names of bodies as they are written; none for None.
+
+    Raises InputError for anything but whole numbers by name, UnknownNameError for a name that no body has.
+    """
+    if ids is not None and not isinstance(ids, Mapping):
+        raise InputError(f"ids is {shown(ids)}; expected numbers by name, such as {{'probe': -1001}}.")
+    found: dict[str, int] = {}
+    for given, number in (ids or {}).items():
+        name = names[index_of(given, names)]
+        if not is_whole(number) or not -(2**31) < number < 2**31 or number == 0:
+            raise InputError(
+                f"ids[{name!r}] is {shown(number)}; expected a whole number of 32 bits, such as -1001, and not 0, "
+                "the Solar System barycentre."
+            )
+        found[name] = int(number)
+    return found
+
+
+def numbers(names: Sequence[str], given: Mapping[str, int]) -> dict[str, int]:
     """Return the number of each body: as given, or known for DE440's bodies and numbered asteroids of the catalogue.
 
-    Raises InputError, naming the bodies, if a body has no number or two have the same; UnknownNameError for a name in
-    `given` that no body has.
+    Raises InputError, naming the bodies, if a body has no number or two have the same.
     """
-    if given is not None and not isinstance(given, Mapping):
-        raise InputError(f"ids is {shown(given)}; expected numbers by name, such as {{'probe': -1001}}.")
-    given = dict(given or {})
-    for name in given:
-        index_of(name, names)
     found: dict[str, int] = {}
     missing = []
     for name in names:
         number = known_number(name, given)
         if number is None:
             missing.append(name)
-        elif not is_whole(number) or not -(2**31) < number < 2**31 or number == 0:
-            raise InputError(
-                f"ids[{name!r}] is {shown(number)}; expected a whole number of 32 bits, such as -1001, and not 0, "
-                "the Solar System barycentre."
-            )
         elif number in found.values():
             other = next(body for body in found if found[body] == number)
             raise InputError(f"{other!r} and {name!r} both have the NAIF number {number}; give ids for one of them.")
@@ -57,9 +66,9 @@ def numbers(names: Sequence[str], given: Mapping[str, int] | None) -> dict[str, 
     return found
 
 
-def known_number(name: str, given: Mapping[str, int] | None = None) -> int | None:
+def known_number(name: str, given: Mapping[str, int]) -> int | None:
     """Return the number of a body as given, or as known by its name; None if it is not."""
-    if given and name in given:
+    if name in given:
         return given[name]
     if name in PLANETS:
         return PLANETS[name]

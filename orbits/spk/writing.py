@@ -23,8 +23,8 @@ from numpy.polynomial import chebyshev as series
 from numpy.typing import NDArray
 
 from orbits._version import __version__
-from orbits.body_names import chosen, index_of, place_of
-from orbits.checks import positive_number
+from orbits.body_names import chosen, index_of
+from orbits.checks import checked_flag, positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import Place
@@ -107,7 +107,7 @@ def write(
     ArchiveError for a file that exists; IntegrationError as `propagate` does.
     Source: NAIF, "SPK Required Reading".
     """
-    target = _target(path, overwrite)
+    target = _target(path, checked_flag(overwrite, "overwrite"))
     about = None if centre is None else index_of(centre, run.names)
     centre = None if about is None else run.names[about]
     names = tuple(np.array(run.names, dtype=object)[chosen(run.names, bodies)])
@@ -117,11 +117,7 @@ def write(
     _check(run, tolerance_km)
     wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
     _refuse_retired(run, wanted)
-    if isinstance(ids, Mapping):  # ignore numbers of bodies that are not written
-        places_of_ids = {name: place_of(name, run.names) for name in ids}
-        ids = {name if at is None else run.names[at]: ids[name] for name, at in places_of_ids.items()}
-        ids = {name: number for name, number in ids.items() if name in wanted or name not in run.names}
-    numbers = naif.numbers(wanted, ids)
+    numbers = naif.numbers(wanted, naif.checked_ids(run.names, ids))
     centre_number = naif.SOLAR_SYSTEM_BARYCENTRE if centre is None else numbers.pop(centre)
 
     grid, coefficients, lost = _fitted(run, places, about, tolerance_km)

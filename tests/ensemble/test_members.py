@@ -87,6 +87,8 @@ def test_unknown_bodies_and_elements_are_refused():
     wrong = {"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inclination": u.deg}
     with pytest.raises(InputError, match="no element 'inclination'; expected some of a, e"):
         ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, elements=wrong, primary="Sun")
+    with pytest.raises(InputError, match=r"say of which elements a matrix is; expected none .* a matrix of a state"):
+        ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, frame="ecliptic")
 
 
 def test_a_grid_of_elements_is_made_of_particles_at_its_points():

@@ -15,6 +15,7 @@ from orbits.errors import OrbitsWarning
 from orbits.fitting.echoes import Echoes
 from orbits.fitting.fitted_orbit import _instruments
 from orbits.observing.stations import stations
+from orbits.plotting.residuals import of_residuals
 from orbits.propagation.variations.arc import Arc
 
 from .skies import observed, start, state
@@ -146,3 +147,5 @@ def test_radar_that_is_rejected_is_told():
     assert np.flatnonzero(~fit.used).tolist() == [122]
     assert "4 delays, 1 rejected, RMS 0." in repr(fit)
     assert "4 delays, 1 rejected" in fit.plot().axes[0].get_title(loc="left")
+    of_radar = of_residuals(fit.residuals[fit.residuals["kind"] == "delay"], "radar alone")
+    assert [panel.get_ylabel() for panel in of_radar.axes] == ["delay [us]"]  # no empty ones of right ascension

@@ -152,6 +152,10 @@ def test_what_a_fit_says_of_itself(holman):
     assert "observed less computed" in figure.axes[0].get_title(loc="left")
     with pytest.raises(UnknownNameError, match="no form 'polar' of a covariance; expected one of cartesian"):
         holman.covariance("polar")
+    with pytest.raises(UnknownNameError, match=r"no form \['cartesian'\] of a covariance"):
+        holman.covariance(["cartesian"])
+    with pytest.raises(InputError, match="at must be a single number or quantity, got an array"):
+        holman.covariance(at=["2001-01-01", "2002-01-01"])
 
 
 @each(

@@ -127,6 +127,8 @@ def test_what_cannot_be_fitted_is_refused():
     rv, start = velocities("gj876"), gj876()
     with pytest.raises(UnknownNameError, match=r"no element 'c.x'; expected mass_ratio, P, .*, c.inc"):
         orbits.fit(rv, start, elements=["c.x"])
+    with pytest.raises(InputError, match="elements is None; expected a list of names"):
+        orbits.fit(rv, start, elements=None)
     with pytest.raises(UnknownNameError, match="'HARPS'"):
         orbits.fit(rv, start, jitter={"HARPS": 3 * M_S})
     with pytest.raises(InputError, match=r"jitter is .*; expected a speed"):

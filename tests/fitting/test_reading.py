@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from orbits.astrometry.observations import Observations
 from orbits.catalogue import packed
-from orbits.errors import InputError, UnknownNameError
+from orbits.errors import InputError, OutOfRangeError, UnknownNameError
 
 from ..coverings import each
 
@@ -249,6 +249,10 @@ def test_a_set_can_be_divided_and_joined():
     assert again.records == found.records
     with pytest.raises(InputError, match="no observation of '433'; it has some of 3666"):
         found.of("433")
+    for wrong in ("3666", [True, False], True, 200):
+        with pytest.raises(OutOfRangeError, match=r"observations\[.*expected a slice, numbers or a mask; .*of\(name\)"):
+            found[wrong]
+    assert sum(len(one) for one in found[:3]) == 3
     table = found.to_table()
     assert len(table) == 200
     assert table["ra"].unit == u.deg

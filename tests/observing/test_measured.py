@@ -58,6 +58,17 @@ def test_each_line_that_is_not_understood_is_named(tmp_path):
         orbits.RadialVelocities.read(path, ("time", "speed"))
     with pytest.raises(UnknownNameError, match=r"has planets b, which `names` lacks"):
         orbits.TransitTimes.read(written(tmp_path, "b 0 1.5 0.1\n"), names={"1": "b"})
+    path = written(tmp_path, "1 2 3\n")
+    for given, message in (
+        ({"columns": None}, "columns is None; expected time, velocity, sigma"),
+        ({"unit": u.km}, r"unit is Unit\(\"km\"\); expected one of speed"),
+        ({"instrument": "x", "columns": ("instrument", "time", "velocity", "sigma")}, "'x', but a column has it, too"),
+        ({"zero": None}, "zero must be a real number, got None"),
+        ({"instrument": [1, 2]}, r"instrument is \[1, 2\]; expected a name"),
+    ):
+        with pytest.raises(InputError, match=message):
+            orbits.RadialVelocities.read(path, **given)
+    assert orbits.RadialVelocities.read(path, unit="km/s").velocity == 2000 * u.m / u.s
 
 
 def test_what_is_no_measurement_is_refused():
@@ -69,6 +80,8 @@ def test_what_is_no_measurement_is_refused():
         orbits.TransitTimes("b", [1.0, 2.0], 0.1, [1, 0])
     with pytest.raises(UnknownNameError, match=r"there is no planet 'c'; expected one of b"):
         orbits.TransitTimes("b", [1.0, 2.0], 0.1)["c"]
+    with pytest.raises(UnknownNameError, match=r"there is no planet \[0, 1, 2\]; expected one of b"):
+        orbits.TransitTimes("b", [1.0, 2.0], 0.1)[[0, 1, 2]]
 
 
 def test_times_of_measurements_are_dates_or_days_in_any_unit():

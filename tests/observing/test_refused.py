@@ -31,7 +31,8 @@ from ..coverings import each
         ({"times": np.zeros((2, 2))}, InputError, r"times has shape \(2, 2\); expected one time, or several in a row"),
         ({"bodies": "Mars", "H": 10.0}, InputError, "H is given without G for Mars.* the MPC and JPL take G=0.15"),
         ({"bodies": "Mars", "G": 0.1}, InputError, "G is given without H"),
-        ({"H": 10.0, "G": 0.1}, InputError, r"H is 10.0 for 10 bodies; expected numbers by name, such as H=\{'Sun'"),
+        ({"H": 10.0, "G": 0.1}, InputError, r"H is 10.0 for 9 bodies; expected numbers by name, such as H=\{'Mercury'"),
+        ({"bodies": "Sun", "H": -26.7, "G": 0.1}, InputError, "H is -26.7, but no observed body has a known distance"),
         ({"H": {"Mars": 1.0}, "G": {"Venus": 0.1}}, InputError, "H is given without G for Mars"),
         ({"H": {"Vulcan": 1.0}, "G": {"Vulcan": 0.1}}, UnknownNameError, "^H: there is no body 'Vulcan'"),
         ({"bodies": "Mars", "H": "bright", "G": 0.1}, InputError, "H\\['Mars'\\]|H.* must be a real number"),
@@ -59,6 +60,8 @@ def test_the_earth_is_not_seen_from_where_it_is_not_known():
     seen = run.ephemeris("b", observer="A", times=0.5 * u.day)
     assert abs(seen.distance[0] - 1 * u.au) < 1e-4 * u.au
     assert (seen.elongation, seen.V) == (None, None)
+    with pytest.raises(InputError, match=r"H is 3.0, but no observed body has a known distance from the Sun"):
+        run.ephemeris("b", observer="A", times=0.5 * u.day, H=3.0, G=0.15)
     late = orbits.System.solar_system("2026-01-01").replaced(epoch="3026-01-01")
     with pytest.raises(EpochError, match="outside DE440, which covers 1549-"):
         orbits.propagate(late, duration=1 * u.day).ephemeris("Mars")

@@ -183,6 +183,8 @@ def test_what_cannot_be_seen_is_refused(run):
     for wrong in ([1, 2] * u.deg, np.nan * u.deg):
         with pytest.raises(InputError, match=r"inc must be "):
             orbits.along(inc=wrong)
+    with pytest.raises(InputError, match=r"inc is 89.7, 89.7 radians; expected -pi to pi, or degrees"):
+        orbits.along(inc=89.7)
     assert str(orbits.along(inc=0 * u.deg)) == "an observer at infinity towards (0, 0, 1)"
 
 

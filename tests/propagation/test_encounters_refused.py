@@ -88,6 +88,10 @@ def test_planets_and_radii_without_a_target_plane() -> None:
         orbits.target_plane(fall(), "Sun")
     with pytest.raises(InputError, match="body and planet are both 'Earth'"):
         orbits.target_plane(fall(), "Earth", body="Earth")
+    with pytest.raises(InputError, match=r"body is 'rock' without covariance.*closest_approaches\(\)\[name\]"):
+        fall().closest_approaches(body="rock")
+    with pytest.raises(InputError, match="near must be a single number or quantity, got an array"):
+        orbits.target_plane(fall(), "Earth", near=[1.0, 2.0])
     for radius, message in (
         (6378.0, "begins .* AU from Earth"),
         (-1 * u.km, r"radius is <Quantity -1\. km>; expected a finite number above 0"),
@@ -222,6 +226,8 @@ def test_clones_share_parameters_and_take_covariances_of_their_orbit() -> None:
     members = orbits.ensemble.clones(falling(), "rock", covariance=km, count=50)
     apart = u.Quantity(members.q[1:] - members.q[0], u.au).to_value(u.km)
     assert 0.7 < apart.std() < 1.3  # of 150 draws
+    with pytest.raises(InputError, match=r"of which elements a matrix is; expected none .* covariance of a fit"):
+        orbits.ensemble.clones(falling(), "rock", covariance=km, count=2, elements=dict.fromkeys("xyzabc", 1))
     with pytest.raises(InputError, match="is of rock; expected one of Moon"):
         orbits.ensemble.clones(falling(), "Moon", covariance=km, count=2)
 

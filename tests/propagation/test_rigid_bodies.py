@@ -457,3 +457,19 @@ def test_bodies_that_come_too_near_in_a_run_are_warned_of_and_points_within_them
     stone = system.add("stone", q=[system.values.q[0] + [0.1, 0, 0]], v=[system.values.v[0]])
     with pytest.raises(orbits.errors.InputError, match="'a' overlaps 'stone'"):
         orbits.propagate(stone, dt=1 / 256, duration=2.0, samples=2, progress=False)
+
+
+@pytest.mark.parametrize("ends", ["callback", "distance"])
+def test_callbacks_and_what_stops_a_run_are_given_attitudes_and_spins_of_their_time(ends):
+    """Not those of the start. They are those of `run.at`, by the same partial step: to the last bits."""
+    given = []
+    stop = orbits.events.CloserThan(1.1, "a", "b") if ends == "distance" else ()
+    run = orbits.propagate(
+        pair(), dt=1 / 16, duration=8.0, samples=9, stop=stop, callback=lambda t, s: given.append(s) or t > 3.5, **STEPS
+    )
+    for k, system in enumerate([*given, run.stopped.system]):
+        at_time = run[k] if k < len(given) else run.at(run.stopped.time)
+        for name, body in system.rigid.items():
+            np.testing.assert_allclose(body.attitude, at_time.rigid[name].attitude, rtol=0.0, atol=1e-15)
+            np.testing.assert_allclose(body.spin.value, at_time.rigid[name].spin.value, rtol=0.0, atol=1e-15)
+    assert abs(run.stopped.system.rigid["a"].attitude - pair().rigid["a"].attitude).max() > 0.1

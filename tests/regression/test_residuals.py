@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import orbits
 from orbits.cli import app
-from orbits.errors import EpochError, InputError
+from orbits.errors import EpochError, InputError, UnknownNameError
 from orbits.lagrangians.series_in_files import series_of
 from orbits.resources import data_path
 from orbits.spk import daf
@@ -97,6 +97,11 @@ def test_bodies_that_the_kernel_does_not_have_are_said(run, tmp_path):
         orbits.residuals(made, bodies=["Earth", "probe"])
     with pytest.raises(InputError, match=r"DE440 does not have probe|-1001"):
         orbits.residuals(made, bodies=["probe"], ids={"probe": -1001})
+    with pytest.raises(UnknownNameError, match="no body 'prob'"):
+        orbits.residuals(made, ids={"prob": -1001})
+    for given in ([], (), [made]):
+        with pytest.raises(InputError, match=r"run is .*; expected a run of orbits.propagate"):
+            orbits.residuals(given)
     with pytest.raises(InputError, match="bodies is empty; expected names, or None"):
         orbits.residuals(made, bodies=[])
     with pytest.raises(InputError, match="only the Sun, from which positions are compared"):

@@ -166,6 +166,7 @@ def test_numbers_of_bodies_are_naifs_or_ones_own(run, tmp_path):
         ({"ids": {"Zoë": "7"}}, InputError, r"ids\['Zoë'\] is '7'"),
         ({"ids": ["Zoë", 7]}, InputError, "ids is .* expected numbers by name"),
         ({"ids": {"Zoe": 7}}, UnknownNameError, "no body 'Zoe'"),
+        ({"overwrite": "no"}, InputError, "overwrite is 'no'; expected True or False"),
         ({"bodies": ["Pluto"]}, UnknownNameError, "no body 'Pluto'"),
         ({"bodies": ["Sun"], "centre": "Sun"}, InputError, "leaves nothing"),
         ({"bodies": ["Ceres"], "centre": "Sum"}, UnknownNameError, "Did you mean 'Sun'"),

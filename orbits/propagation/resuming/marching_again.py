@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
-from orbits.errors import InputError, IntegrationError
+from orbits.errors import InputError, IntegrationError, shown
 from orbits.marching.legs.excursions.chosen_steps import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
 
@@ -69,6 +69,11 @@ class Replay:
                 "run.unresolved()."
             )
         if covariance is None:
+            if body is not None:
+                raise InputError(
+                    f"body is {shown(body)} without covariance, of which it is; those of one body are "
+                    "run.closest_approaches()[name]."
+                )
             return approaches_of(run, seen)
         from orbits.propagation.variations.deviations import Uncertain, followed, sigmas_of_passages
 

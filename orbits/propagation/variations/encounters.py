@@ -92,7 +92,8 @@ def target_plane(
             f"that motion. Distances and times are in run.closest_approaches()[{body!r}]."
         )
     size = _radius(run, body, planet, radius)
-    time = _closest(run, body, planet, None if near is None else float(times_since(system, near, "near")))
+    about = None if near is None else finite_number(times_since(system, near, "near"), "near")
+    time = _closest(run, body, planet, about)
     if time is None:
         raise InputError(f"{body} does not come near {planet} in this run; expected a longer one, or another planet.")
     least, velocity, _ = (x[0] for x in _relative(run, body, planet, np.array([time])))
