@@ -9,6 +9,7 @@ import pytest
 import orbits
 from orbits.errors import InputError
 from orbits.forces.base import BoundForce, Force
+from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.kernels.binding import Tag
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import get, put
@@ -101,3 +102,11 @@ def test_what_archives_cannot_find_by_name_is_refused_before_the_run(tmp_path):
         with pytest.raises(InputError, match=f"^archive= finds .* by name .*{words}"):
             orbits.propagate(bodies, method, dt=0.1, duration=1.0, archive=path)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("kicks", "drifts"), [(2, 2), (4, 3), (2, 0)])
+def test_kicks_and_drifts_of_another_number_are_refused(kicks, drifts):
+    """They would be read and written beyond the arrays of a step."""
+    form = Splitting(lambda h: (h * np.ones(kicks), h * np.ones(drifts)), drifts=1)
+    with pytest.raises(InputError, match=f"lengths of {kicks} kicks and {drifts} drifts; expected 2 kicks and the 1 d"):
+        form.coefficients(0.1, 0.1)

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from orbits.errors import InputError
 from orbits.integrators.forms import Array, Form, padded
 from orbits.kernels.barrier import accelerate_shared
 from orbits.kernels.binding import field
@@ -114,8 +115,13 @@ class Splitting(Form):
         return True
 
     def coefficients(self, h: float, before: float) -> Array:
-        """Return the kicks and the drifts, (2, s + 1), with a last drift of 0."""
+        """Return the kicks and the drifts, (2, s + 1), with a last drift of 0. Raises InputError for other numbers."""
         kicks, drifts = self.lengths(h)
+        if (len(kicks), len(drifts)) != (self.drifts + 1, self.drifts):
+            raise InputError(
+                f"Splitting(drifts={self.drifts}) has lengths of {len(kicks)} kicks and {len(drifts)} drifts; expected "
+                f"{self.drifts + 1} kicks and the {self.drifts} drifts between them, zeros too"
+            )
         return np.array([kicks, np.append(drifts, 0.0)])
 
     def stages_shape(self, size: int) -> tuple[int, int]:
