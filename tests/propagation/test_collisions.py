@@ -168,6 +168,26 @@ def test_what_a_merger_off_the_centre_turns_into_spin_is_told() -> None:
     assert np.abs(whole + lost - whole[0]).max() < 4e-16 * np.linalg.norm(whole[0])  # 1.3e-16 was seen
 
 
+@pytest.mark.parametrize("then", [Merge(), Bounce()])
+def test_bodies_collide_with_the_masses_of_their_time(then: object) -> None:
+    """A star that has lost nearly half of itself merged as if it were whole, at 0.10 instead of -0.03."""
+    q, v = [[0, 0, 0], [12, 0, 0]], [[0, -0.002, 0], [0, 0.01, 0]]
+    system = orbits.System(["s", "a"], [1.0, 0.2], q, v, radii=[0.5, 0.3], units=orbits.DIMENSIONLESS)
+    system = system.with_forces(orbits.terms.MassLoss(source="s", fraction=-0.01))
+    run = orbits.propagate(system, duration=47.0, samples=5, events=Collision(then=then))
+    time = float(run.events.time.value[0])
+    met = orbits.propagate(system, duration=47.0, samples=2, events=Collision(then="stop")).stopped
+    assert met is not None
+    after, masses = run.at(time * (1.0 + 1e-13)), np.array([1.0 - 0.01 * time, 0.2])
+    left = [masses.sum()] if then == Merge() else masses
+    momentum = masses @ met.system.v.value
+    assert np.abs(np.asarray(left) @ after.v.value - momentum).max() < 1e-12  # 1e-13 of a step behind: 2e-16 was seen
+    assert (after.gm.value[0] * masses[0], after.gm.value.size) == (pytest.approx(left[0], rel=1e-12), len(left))
+    # Relative to a momentum at the start that is 1/60 of that at the end: 3e-14 was seen.
+    assert run.drift().linear_momentum.max_fraction < 1e-13
+    assert run.drift().energy.max_fraction < 2e-14
+
+
 @STEPS
 def test_bounces_follow_the_closed_form(dt: float | None) -> None:
     restitution, reach, mu, start = 0.7, 1.0, 1.001, 2.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics
 from orbits.errors import InputError, SingularityError, with_unit
+from orbits.point_masses import changed_masses
 from orbits.propagation.collisions.impact import Impact, overlapping
 from orbits.propagation.collisions.merge_and_bounce import (
     Bounce,
@@ -137,7 +138,8 @@ class Collisions:
 
     def _merge(self, system: System, bodies: Bodies, before: State, impact: Impact) -> Done:
         pair: tuple[int, int] | None = (impact.first, impact.second)
-        state, found, changed, vanished, heavy = before, [], set(), [], False
+        state, parts = _with_masses_of(system, before, impact.time)
+        found, changed, vanished, heavy = [], set(), [], False
         while pair is not None:
             first, second = heavier_first(state.gm, *pair)
             following = merged(state, first, second)
@@ -149,11 +151,12 @@ class Collisions:
             state = following
             sought = overlapping(state.q, state.radii, state.gm > 0.0, of=first)
             pair = next((pair for pair in sought if self._merges(*pair)), None) if heavy else None
+        state = state._replace(gm=state.gm / parts)
         if heavy:
             state = _keeping_momentum(system, bodies, impact.time, before, state, changed)
         rows = _rows(impact.time, before, state, changed if heavy else set(vanished), bodies.present)
         if heavy:
-            rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, impact.time, before, state)
+            rows[0, changes.ENERGY :] = _taken(system, bodies, impact.time, before, state, parts)
         return Done(np.array(found), rows, state, None if heavy else vanished)
 
     def _found(self, time: float, state: State, i: int, j: int) -> Array:
@@ -170,7 +173,7 @@ class Collisions:
     def _bounce(
         self, system: System, bodies: Bodies, before: State, impact: Impact, known: Array, direction: float
     ) -> Done:
-        state, found, changed = before, [], set()
+        (state, parts), found, changed = _with_masses_of(system, before, impact.time), [], set()
         pairs = [(impact.first, impact.second)]
         for _ in range(10 * len(before.q)):
             for i, j in pairs:
@@ -191,9 +194,9 @@ class Collisions:
             ][:1]
             if not pairs:
                 break
-        state = _keeping_momentum(system, bodies, impact.time, before, state, changed)
+        state = _keeping_momentum(system, bodies, impact.time, before, state._replace(gm=state.gm / parts), changed)
         rows = _rows(impact.time, before, state, changed, bodies.present)
-        rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, impact.time, before, state)
+        rows[0, changes.ENERGY :] = _taken(system, bodies, impact.time, before, state, parts)
         return Done(np.array(found), rows, state)
 
     def _bounces(self, i: int, j: int) -> bool:
@@ -275,6 +278,27 @@ def _keeping_momentum(
     for _ in range(SWEEPS):
         v[heavy] += (kept - _momentum(system, bodies, time, after._replace(v=v))) / after.gm[heavy].sum()
     return after._replace(v=v)
+
+
+def _with_masses_of(system: System, state: State, time: float) -> tuple[State, Array]:
+    """Return a state with the GM that bodies have at a time, of which forces may have taken some, and the parts that
+    these are of those without, (n,).
+    """
+    gm = changed_masses(time, system.forces, state.gm, system.names, system.units)
+    return state._replace(gm=gm), np.divide(gm, state.gm, out=np.ones(len(gm)), where=state.gm > 0.0)
+
+
+def _taken(system: System, bodies: Bodies, time: float, before: State, after: State, parts: Array) -> Array:
+    """Return the energy, angular momentum and momentum that a collision took, times G, (7,): momentum where masses are
+    other parts of those that energies and momenta count.
+    """
+    taken = np.zeros(changes.COLUMNS - changes.ENERGY)
+    taken[: changes.IMPULSE - changes.ENERGY] = _lost(system, bodies, time, before, after)
+    if (parts != 1.0).any():
+        taken[changes.IMPULSE - changes.ENERGY :] = _momentum(system, bodies, time, before) - _momentum(
+            system, bodies, time, after
+        )
+    return taken
 
 
 def _lost(system: System, bodies: Bodies, time: float, before: State, after: State) -> Array:
