@@ -71,7 +71,8 @@ def plot_resonance(
     planet : the most massive body beside the primary by default
     primary, bodies, title, frame : as in `plot_elements`; all bodies but these two by default
 
-    The legend says for each body about what its angle librates in these samples, and how far, or that it circulates.
+    The legend says for each body about what its angle librates in these samples, and how far, or that it circulates;
+    of one that has not turned back, that the samples are too short to tell.
     Raises InputError without a resonance, and for samples too far apart to follow the angle; otherwise as
     `plot_elements`.
     """
@@ -107,13 +108,14 @@ def plot_resonance(
         shown_phi = (phi - low) % 360.0 + low
         x, y = known["e"][:, k + 1] * np.cos(angles[:, k]), known["e"][:, k + 1] * np.sin(angles[:, k])
         centre, reach = libration(angles[:, k]) if near[k] else (None, 180.0)
-        count += centre is not None
+        librates = centre is not None and turns_back(angles[:, k])
+        count += librates
         if i not in looks:
-            dots: dict[str, Any] = {"mew": 0, "color": style.GREY if centre is None else style.BLUE}
-            over.plot(t, shown_phi, ".", ms=1.5 if centre is None else 2.5, alpha=0.6, zorder=1, **dots)
-            plane.plot(x, y, ".", ms=1.5 if centre is None else 2.5, alpha=0.6, zorder=1, **dots)
+            dots: dict[str, Any] = {"mew": 0, "color": style.BLUE if librates else style.GREY}
+            over.plot(t, shown_phi, ".", ms=2.5 if librates else 1.5, alpha=0.6, zorder=1, **dots)
+            plane.plot(x, y, ".", ms=2.5 if librates else 1.5, alpha=0.6, zorder=1, **dots)
             continue
-        said = _said(centre, reach, low) if near[k] else "far from the resonance"
+        said = _said(centre, reach, low, librates=librates) if near[k] else "far from the resonance"
         look = {**looks[i], "label": f"{looks[i]['label']}: {said}"}
         if centre is None:
             over.plot(t, shown_phi, ".", ms=3.5, mew=0, alpha=0.7, zorder=2, color=look["color"])
@@ -167,11 +169,20 @@ def libration(angle: Array) -> tuple[float | None, float]:
     return float((some[(widest + 1) % len(some)] + reach) % 360.0), reach
 
 
-def _said(centre: float | None, reach: float, low: float) -> str:
+def turns_back(angle: Array) -> bool:
+    """Return whether an angle goes half of its way, from its least to its largest value, in both directions."""
+    followed = np.unwrap(angle[np.isfinite(angle)])
+    rise = np.max(followed - np.minimum.accumulate(followed))
+    fall = np.max(np.maximum.accumulate(followed) - followed)
+    return bool(min(rise, fall) >= 0.5 * np.ptp(followed))
+
+
+def _said(centre: float | None, reach: float, low: float, *, librates: bool) -> str:
     if centre is None:
         return "circulates"
     middle = f"{(centre - low) % 360.0 + low:.0f}°".replace("-0°", "0°").replace("-", "−")
-    return f"librates, {middle} ± {reach:.0f}°"
+    arc = f"{middle} ± {reach:.0f}°"
+    return f"librates, {arc}" if librates else f"within {arc}, too short to tell"
 
 
 def _around_half(angles: Array) -> bool:

@@ -10,7 +10,7 @@ import orbits
 from orbits.errors import InputError, UnknownNameError
 from orbits.plotting import style
 from orbits.plotting.histories import pieces
-from orbits.plotting.resonances import integers_of, libration
+from orbits.plotting.resonances import integers_of, libration, turns_back
 from tests.plotting import seen
 from tests.plotting.runs import MERGING, about_a_star
 
@@ -182,11 +182,11 @@ def test_a_resonant_angle_of_exact_resonance_stands_still_and_others_circulate(r
     over = panel(figure, "time")
     # phi = 2 L - l - pomega = -M(0) - 2 pomega at the start, with L = 0: -0.3 - 2 rad.
     assert np.allclose(np.degrees(-2.3) + 360.0, line_of(over, "in").get_data()[1], atol=1e-6)
-    assert line_of(over, "in").get_label() == "in: librates, 228° ± 0°"
+    assert line_of(over, "in").get_label() == "in: within 228° ± 0°, too short to tell"  # it has not turned back
     assert line_of(over, "near").get_label() == "near: circulates"
     assert "φ = 2λ′ − λ − ϖ" in over.get_ylabel()
     trojan = resonant.plot("resonance", resonance=(1, 1), bodies=["trojan"])
-    assert line_of(panel(trojan, "time"), "trojan").get_label().startswith("trojan: librates, 60°")
+    assert line_of(panel(trojan, "time"), "trojan").get_label().startswith("trojan: within 60° ± 0°")
 
 
 def test_bodies_far_from_a_resonance_are_not_said_to_librate(resonant):
@@ -205,6 +205,11 @@ def test_libration_is_the_arc_in_which_an_angle_stays():
     assert libration(np.linspace(0.0, 40.0, 1001))[0] is None
     assert libration(np.radians(25.0) * np.arange(200))[0] is None  # the gaps of samples that are far apart
     assert libration(angle[:10])[0] is None
+    assert turns_back(angle)
+    # An angle that drifts by a degree stays in an arc, too, but does not librate.
+    drifting = np.radians(294.0 + np.linspace(0.0, 1.0, 200) + 0.2 * np.sin(np.arange(200)))
+    assert libration(drifting)[0] is not None
+    assert not turns_back(drifting)
 
 
 def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
