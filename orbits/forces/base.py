@@ -167,9 +167,13 @@ class Force:
 
     def seen_from(self, place: Any, velocity: Any) -> Self:
         """Return this force as seen from an origin at that place that moves with that velocity, (3,) quantities: one
-        that depends on absolute positions or velocities has to shift its numbers. The default is for one that depends
-        on relative ones alone.
+        that depends on absolute positions or velocities has to shift its numbers, and one that depends on relative ones
+        alone is the same.
 
-        Raises InputError, naming the force, if it cannot be seen from there.
+        Raises InputError, naming the force, if it cannot be seen from there, as one that does not say what it is.
         """
-        return self
+        raise InputError(
+            f"{type(self).__name__} does not say what it is from another origin; expected a method seen_from(self, "
+            "place, velocity) that returns it with its numbers shifted, as Drag does, or itself if it depends on "
+            "relative positions and velocities alone."
+        )

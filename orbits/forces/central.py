@@ -50,6 +50,10 @@ class CentralForce(Force):
         fewer: dict[str, Any] = {name: tuple(x[k] for k in kept) for name, x in values.items() if isinstance(x, tuple)}
         return replace(self, bodies=tuple(self.bodies[k] for k in kept), **fewer) if kept else None
 
+    def seen_from(self, place: Any, velocity: Any) -> Self:
+        """Return this force: it depends on places and velocities relative to the source."""
+        return self
+
     def in_unit(self, unit: Any, name: str, value_of: Callable[..., Any]) -> Any:
         """Return a field as one quantity, or a tuple of one for each body; value_of : returns floats in the unit.
 

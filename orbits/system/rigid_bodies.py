@@ -65,6 +65,10 @@ class RigidBodies(Force):
 
     __hash__ = None  # type: ignore[assignment]
 
+    def seen_from(self, place: Any, velocity: Any) -> Self:
+        """Return them: attitudes and spins are the same from any origin."""
+        return self
+
     @property
     def variables(self) -> int:  # type: ignore[override]
         """The number of internal variables: two rows of eight for each body."""

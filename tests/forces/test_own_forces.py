@@ -88,6 +88,11 @@ def test_what_compiled_code_cannot_take_of_a_force_is_refused_in_words(case):
         model(system(Own(made=made)))
 
 
+def test_a_force_says_what_it_is_from_another_origin():
+    with pytest.raises(InputError, match="Own does not say what it is from another origin; expected a method"):
+        system(Own(made=None)).barycentric()
+
+
 def test_a_force_needs_no_kernel_for_particles_where_there_are_none():
     made = BoundForce("it", ONE, NUMBERS)
     assert model(system(Own(made=made), grain=False)).forces == (made,)
