@@ -175,12 +175,16 @@ class TimeGrid:
         h, times, end = self.h, self.times, self.end
         most = math.inf if self.clock.changes else MOST_STEPS * abs(h)
         target = single_number(times_since(system, until, "until"), "until")
-        if not math.isfinite(target) or abs(target) > most:
+        if not math.isfinite(target):
+            raise InputError(f"until must be finite, got {target:g}; a run has to end")
+        if abs(target) > most:
             steps = "" if self.clock.changes else f" with steps of {abs(h):g}"
             raise InputError(f"until = {target:g} cannot be reached{steps}; give a nearer time")
         if (target - end) * self.direction < 0.0:
+            ended = with_unit(f"{end:g}", system.units.time)
             raise InputError(
-                f"until = {target:g} lies before the end of the run, {with_unit(f'{end:g}', system.units.time)}"
+                f"until = {target:g} lies before the end of the run, {ended}; expected a later time. States before the "
+                "end are those of run.at(times)"
             )
         if target == end:
             return self
