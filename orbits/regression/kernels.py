@@ -26,8 +26,8 @@ READABLE = (2, 3)
 class Kernel(NamedTuple):
     """An opened SPK kernel.
 
-    name : for messages; segments : those of each target, by its number, relative to one centre; where several have a
-        date, the first one counts
+    name : for messages; segments : those of each target, by its number; where several have a date, the first one
+        counts. At least one of them can be read
     """
 
     name: str
@@ -59,15 +59,27 @@ class Kernel(NamedTuple):
         """Return a body, the centre of its segments, the centre of those of that one, and so on."""
         chain = [number]
         while chain[-1] in self.segments and len(chain) <= len(self.segments):
-            chain.append(int(self.segments[chain[-1]][0].center))
+            chain.append(self._centre(chain[-1]))
         return chain
 
+    def _centre(self, target: int) -> int:
+        """Return the centre of the first segment of a body that can be read."""
+        return int(next(segment.center for segment in self.segments[target] if _is_readable(segment)))
+
     def _of(self, target: int, days: Array, rests: Array) -> Array:
-        """Return positions of a body relative to its centre."""
-        out, left = np.empty((len(days), 3)), np.ones(len(days), dtype=bool)
+        """Return positions of a body relative to its centre. Raises InputError, EpochError."""
+        out, left, centre = np.empty((len(days), 3)), np.ones(len(days), dtype=bool), self._centre(target)
         for segment in self.segments[target]:
             within = left & ((days - segment.start_jd) + rests >= 0.0) & ((days - segment.end_jd) + rests <= 0.0)
             if within.any():
+                if not _is_readable(segment) or segment.center != centre:
+                    day = float((days + rests)[within][0])
+                    raise InputError(
+                        f"the last segment that {self.name} has of body {target} at JD {day:.9g} TDB, the one that "
+                        f"counts, is of type {segment.data_type}, in NAIF's frame {segment.frame}, relative to "
+                        f"{segment.center}; expected type 2 or 3, Chebyshev series, in frame 1, J2000, relative to "
+                        f"{centre}. Leave this body out, or compare with another file."
+                    )
                 out[within] = np.asarray(segment.compute(days[within], rests[within])).T[:, :3]
             left &= ~within
         if left.any():
@@ -78,6 +90,10 @@ class Kernel(NamedTuple):
                 "shorter run, or another epoch."
             )
         return out
+
+
+def _is_readable(segment: Any) -> bool:
+    return segment.data_type in READABLE and segment.frame == ICRF
 
 
 def is_kernel(text: Any) -> bool:
@@ -113,11 +129,8 @@ def opened(against: Any, first: float, last: float) -> Iterator[Kernel]:
     with spk:
         segments: dict[int, list[Any]] = {}
         for segment in reversed(spk.segments):  # the last one in a file has precedence
-            same = segments.setdefault(int(segment.target), [])
-            usable = segment.data_type in READABLE and segment.frame == ICRF
-            if usable and (not same or same[0].center == segment.center):
-                same.append(segment)
-        segments = {target: same for target, same in segments.items() if same}
+            segments.setdefault(int(segment.target), []).append(segment)
+        segments = {target: same for target, same in segments.items() if any(map(_is_readable, same))}
         if not segments:
             raise InputError(
                 f"{name} has no segments of data types 2 or 3, Chebyshev series, in NAIF's frame 1, J2000; no others "

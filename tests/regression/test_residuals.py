@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -72,6 +73,28 @@ def test_the_last_segment_of_a_body_counts_and_other_axes_are_refused(run, tmp_p
         orbits.residuals(run, path)
     with pytest.raises(InputError, match=r"body 10 is of type 2, in NAIF's frame 17; expected .* frame 1, J2000"):
         series_of((str(path),), (10,), 2451600.5, 0.0)
+
+
+def test_where_the_last_segment_of_a_body_cannot_be_read_earlier_ones_do_not_count(run, tmp_path, monkeypatch):
+    """The last one of Jupiter is in ECLIPJ2000 (17), for the dates of the run, and then for later ones only."""
+    write, path = daf.write, tmp_path / "own.bsp"
+    for later, message in ((0.0, r"own\.bsp has of body 5 at JD 24515\d\d.* frame 17, .*frame 1, J2000"), (1e9, None)):
+
+        def added(file, title, comments, segments, later=later):
+            jupiter = next(one for one in segments if one.target == 5)
+            more = replace(jupiter, start=jupiter.start + later, end=jupiter.end + later)
+            write(file, title, comments, [*segments, more])
+
+        monkeypatch.setattr(daf, "write", added)
+        run.to_spk(path, overwrite=True)
+        head, numbers, rest = path.read_bytes().rpartition(struct.pack("<4i", 5, 0, daf.J2000_FRAME, daf.TYPE_2))
+        assert numbers
+        path.write_bytes(head + struct.pack("<4i", 5, 0, 17, daf.TYPE_2) + rest)
+        if message is None:
+            assert orbits.residuals(run, path).largest()["Jupiter"] < 1e-2
+        else:
+            with pytest.raises(InputError, match=message):
+                orbits.residuals(run, path)
 
 
 def test_asteroids_are_compared_with_jpls_own_integration():
