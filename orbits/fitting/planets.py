@@ -255,7 +255,7 @@ def _together(measured: Iterable[Any]) -> Any:
 
 def _free(elements: Sequence[str], planets: Sequence[str]) -> NDArray[np.bool_]:
     """Return which elements are fitted, (planets, 7). Raises InputError and UnknownNameError."""
-    if not isinstance(elements, str | list | tuple):
+    if not np.iterable(elements):
         raise InputError(f'elements is {shown(elements)}; expected a list of names, such as ["P", "t0", "b.inc"].')
     free = np.zeros((len(planets), len(ELEMENTS)), dtype=bool)
     for given in [elements] if isinstance(elements, str) else elements:

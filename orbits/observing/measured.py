@@ -301,7 +301,8 @@ def _columns(
 
     texts : those that are no numbers, with what is given for all lines, or None
     """
-    listed = isinstance(columns, list | tuple)
+    listed = np.iterable(columns) and not isinstance(columns, str | set | frozenset)  # a set has no order
+    columns = [*columns] if listed else columns
     wrong = [x for x in columns if x not in (*known, LEFT_OUT)] if listed else [columns]
     missing = [x for x in known if listed and x not in columns and x not in ("planet", "number", "instrument")]
     if wrong or missing:

@@ -129,6 +129,9 @@ def test_what_cannot_be_fitted_is_refused():
         orbits.fit(rv, start, elements=["c.x"])
     with pytest.raises(InputError, match="elements is None; expected a list of names"):
         orbits.fit(rv, start, elements=None)
+    for given in ({"P", "c.x"}, dict.fromkeys(["P", "c.x"]).keys(), np.array(["P", "c.x"])):
+        with pytest.raises(UnknownNameError, match=r"no element .*c\.x"):
+            orbits.fit(rv, start, elements=given)
     with pytest.raises(UnknownNameError, match="'HARPS'"):
         orbits.fit(rv, start, jitter={"HARPS": 3 * M_S})
     with pytest.raises(InputError, match=r"jitter is .*; expected a speed"):

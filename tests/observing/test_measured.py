@@ -61,6 +61,7 @@ def test_each_line_that_is_not_understood_is_named(tmp_path):
     path = written(tmp_path, "1 2 3\n")
     for given, message in (
         ({"columns": None}, "columns is None; expected time, velocity, sigma"),
+        ({"columns": {"time", "velocity", "sigma"}}, r"columns is \{.*; expected .*, in their order"),
         ({"unit": u.km}, r"unit is Unit\(\"km\"\); expected one of speed"),
         ({"instrument": "x", "columns": ("instrument", "time", "velocity", "sigma")}, "'x', but a column has it, too"),
         ({"zero": None}, "zero must be a real number, got None"),
@@ -68,7 +69,9 @@ def test_each_line_that_is_not_understood_is_named(tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             orbits.RadialVelocities.read(path, **given)
-    assert orbits.RadialVelocities.read(path, unit="km/s").velocity == 2000 * u.m / u.s
+    names = ["time", "velocity", "sigma"]
+    for columns in (names, dict.fromkeys(names).keys(), np.array(names), iter(names)):
+        assert orbits.RadialVelocities.read(path, columns, unit="km/s").velocity == 2000 * u.m / u.s
 
 
 def test_what_is_no_measurement_is_refused():
