@@ -46,11 +46,11 @@ def along(inc: Any = 0.0, node: Any = 0.0) -> LineOfSight:
         body at the longitude node + 90 degrees is nearest to the observer
 
     The observer is at (-sin(node) sin(inc), cos(node) sin(inc), cos(inc)). Raises InputError for other units,
-    for arrays, and for an inc beyond half a turn, as of degrees without their unit.
+    for arrays, and for a plain number inc beyond half a turn, as of degrees without their unit.
     """
     angles = {"inc": inc, "node": node}
     i, longitude = (finite_number(SOLAR.angle_value(x, what), what) for what, x in angles.items())
-    if abs(i) > np.pi:
+    if abs(i) > np.pi and not isinstance(inc, u.Quantity):
         raise InputError(f"inc is {shown(inc)}, {i:g} radians; expected -pi to pi, or degrees: inc=89.9 * u.deg.")
     x, y, z = -np.sin(longitude) * np.sin(i), np.cos(longitude) * np.sin(i), np.cos(i)
     return LineOfSight(float(x + 0.0), float(y), float(z))  # no zero with a sign

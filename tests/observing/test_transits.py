@@ -185,6 +185,7 @@ def test_what_cannot_be_seen_is_refused(run):
             orbits.along(inc=wrong)
     with pytest.raises(InputError, match=r"inc is 89.7, 89.7 radians; expected -pi to pi, or degrees"):
         orbits.along(inc=89.7)
+    assert orbits.along(inc=270 * u.deg) == pytest.approx((0.0, -1.0, 0.0), abs=1e-15)  # as of -90 degrees
     assert str(orbits.along(inc=0 * u.deg)) == "an observer at infinity towards (0, 0, 1)"
 
 
