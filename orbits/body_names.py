@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -27,9 +28,15 @@ class Named:
     __slots__ = ()
 
     def __contains__(self, item: object) -> bool:
-        """Whether there is a body of this name; for anything but a name, whether one of the items is equal to it."""
+        """Whether there is a body of this name; for anything but a name, whether one of the items is equal to it: none
+        is where items have names, but no numbers.
+        """
         this: Any = self
-        return place_of(item, this.names) is not None if isinstance(item, str) else any(each == item for each in this)
+        if isinstance(item, str):
+            return place_of(item, this.names) is not None
+        with suppress(UnknownNameError):
+            return any(each == item for each in this)
+        return False
 
 
 def checked_names(names: Any) -> tuple[str, ...]:

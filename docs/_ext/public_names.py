@@ -2,7 +2,7 @@
 
 A name of `orbits.__all__` belongs to the page of the namespace that has it, too, such as `orbits.methods`, or else of
 the module that it comes from; every other public package has a page for its own `__all__`. What a page of the
-documentation imports is documented too, and so is the base of a documented class.
+documentation imports is documented too, and so is the base of a documented class that has public names of its own.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def documented() -> tuple[Entry, ...]:
         take(module_name, name, getattr(module, name))
     for entry in list(found.values()):
         for base in entry.value.__mro__ if inspect.isclass(entry.value) else ():
-            if base.__module__.startswith("orbits."):
+            if base.__module__.startswith("orbits.") and not all(name.startswith("_") for name in vars(base)):
                 take(base.__module__, base.__name__, base)
     return tuple(sorted(found.values(), key=lambda entry: (entry.page, entry.module != "orbits", entry.module)))
 

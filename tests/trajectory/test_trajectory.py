@@ -115,6 +115,8 @@ def test_a_body_by_its_name(run):
         run["Jupitre"]
     assert all(item in run for item in ("Jupiter", "jupiter", run[0]))
     assert "Jupitre" not in run
+    assert 3 not in run
+    assert 3 not in run.elements("Sun")  # which has items by name only
     assert [name in run.elements("Sun") for name in ("Jupiter", "Sun")] == [True, False]  # the primary has no orbit
 
 
