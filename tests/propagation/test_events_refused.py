@@ -333,6 +333,22 @@ def test_a_function_of_a_massless_body_that_the_event_is_not_about_is_told_the_r
     assert len(found.events) == 1
 
 
+def of_finite_numbers(t, q, v):
+    if np.isinf(q).any():
+        raise ValueError("not a place")
+    return q[:, 1, 0]
+
+
+def of_calls(t, q, v):
+    of_calls.number = getattr(of_calls, "number", 0) + 1
+    return q[:, 1, 0] + 1e-12 * of_calls.number
+
+
+@pytest.mark.parametrize("function", [of_finite_numbers, of_calls])
+def test_a_function_that_infinity_or_the_number_of_calls_matters_to_needs_no_massless_bodies(function):
+    assert len(orbits.propagate(with_a_comet(), duration=6.0, events=Event(function, name="x")).events) == 2
+
+
 def test_a_function_that_returns_booleans_is_refused():
     with pytest.raises(InputError, match=r"'x' fails .* returned booleans, which do not cross zero; expected numbers"):
         sought(Event(lambda t, q, v: q[:, 1, 0] > 0.0, name="x"))
