@@ -176,11 +176,17 @@ def _positions(run: Run, reference: Any) -> tuple[Array | None, str]:
         return np.asarray(run.error_bars.position.value), "error bars of this run"
     if not all(hasattr(reference, name) for name in ("names", "times", "q", "integrator")):
         raise InputError(f"reference is {shown(reference)}; expected a Trajectory of the same bodies and times.")
-    mine, its = ((x.names, x.system.units.time, x.system.epoch) for x in (run, reference))
-    if mine != its or not np.array_equal(reference.times, run.times):
+    same = {
+        "bodies": reference.names == run.names,
+        "unit of time": reference.system.units.time == run.system.units.time,
+        "epoch": reference.system.epoch == run.system.epoch,
+        "sample times": np.array_equal(reference.times, run.times),
+    }
+    other = [what for what, equal in same.items() if not equal]
+    if other:
         raise InputError(
-            "the reference has other bodies, times or another epoch than this run; propagate the same system to the "
-            "same samples, with a finer step or another method."
+            f"the reference differs from this run in {' and '.join(other)}; expected the same. Propagate the same "
+            "system to the same samples, with a finer step or another method."
         )
     apart = np.linalg.norm(reference.q.to_value(run.system.units.length) - run.q.value, axis=2)
     return apart, f"distance from {words.method_words(reference.integrator.label)}"

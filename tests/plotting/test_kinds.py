@@ -231,7 +231,7 @@ def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
     assert slopes == pytest.approx([0.5, 1.0])
     assert len(merged.plot("error").axes) == 1
     days = orbits.System(system.names, *system.values[:3])  # the same numbers, but days and years of our own
-    with pytest.raises(InputError, match="other bodies, times or another epoch"):
+    with pytest.raises(InputError, match="the reference differs from this run in unit of time; expected the same"):
         run.plot("error", reference=orbits.propagate(days, **given))
     again = run[::-1].plot("error").axes[0]  # the largest so far, from the start of the run
     assert np.array_equal(line_of(again, "energy").get_data()[1], largest)

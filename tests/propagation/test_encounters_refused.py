@@ -88,7 +88,7 @@ def test_planets_and_radii_without_a_target_plane() -> None:
         orbits.target_plane(fall(), "Sun")
     with pytest.raises(InputError, match="body and planet are both 'Earth'"):
         orbits.target_plane(fall(), "Earth", body="Earth")
-    with pytest.raises(InputError, match=r"body is 'rock' without covariance.*closest_approaches\(\)\[name\]"):
+    with pytest.raises(InputError, match=r"body is 'rock' without covariance; expected both.*approaches\(\)\[name\]"):
         fall().closest_approaches(body="rock")
     with pytest.raises(InputError, match="near must be a single number or quantity, got an array"):
         orbits.target_plane(fall(), "Earth", near=[1.0, 2.0])

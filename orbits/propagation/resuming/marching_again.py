@@ -71,8 +71,8 @@ class Replay:
         if covariance is None:
             if body is not None:
                 raise InputError(
-                    f"body is {shown(body)} without covariance, of which it is; those of one body are "
-                    "run.closest_approaches()[name]."
+                    f"body is {shown(body)} without covariance; expected both, as body is the one that "
+                    "the covariance is of. The approaches of one body alone are run.closest_approaches()[name]."
                 )
             return approaches_of(run, seen)
         from orbits.propagation.variations.deviations import Uncertain, followed, sigmas_of_passages
