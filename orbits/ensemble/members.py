@@ -212,7 +212,7 @@ class Made(Ensemble):
         """
         points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
         few = [self.part(k, k + 1).systems() for k in sorted({0, len(self) // 2, len(self) - 1})]
-        made = [described(one) if isinstance(one, System) else str(one) for (one,) in few]
+        made = [described(one) if isinstance(one, System) else type(one).__name__ for (one,) in few]
         return super().identity() | {
             "function": ", ".join(description(self.make).values()),
             "points": digest(points),

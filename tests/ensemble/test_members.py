@@ -285,3 +285,17 @@ def test_campaigns_that_differ_in_the_last_digit_are_told_apart():
     assert first != other
     end = 2.0
     assert plan(belt(3), u.yr).identity() != first
+
+
+def test_a_campaign_is_told_by_no_address_of_the_errors_of_its_function():
+    """A message may have one, and another one in each process."""
+
+    def failing():
+        def make(e, what=object()):  # noqa: B008
+            raise ValueError(f"{what} is not there")
+
+        return ensemble.grid(make, e=[0.0])
+
+    one, other = failing(), failing()
+    assert str(*one.systems()) != str(*other.systems())
+    assert one.identity() == other.identity()
