@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from orbits.body_names import checked_names
 from orbits.catalogue import Catalogue
-from orbits.checks import in_full, listed
+from orbits.checks import listed
 from orbits.errors import InputError, OrbitsError, shown
-from orbits.propagation.events.functions import description
+from orbits.propagation.events.functions import description, in_full
 from orbits.system import System
 from orbits.system.presenting import in_words
 
@@ -378,7 +378,7 @@ def described(system: System) -> str:
     gm, q, v, softening = system.values
     radii = None if system.radii is None else system.radii.value
     epoch = "" if system.epoch is None else repr((system.epoch.jd1, system.epoch.jd2))
-    acting = in_full((system.terms, system.forces, system.units, softening))
+    acting = chr(10).join(map(in_full, (system.terms, system.forces, system.units, softening)))
     return f"System({in_words(system)}), {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
 
 

@@ -299,3 +299,22 @@ def test_a_campaign_is_told_by_no_address_of_the_errors_of_its_function():
     one, other = failing(), failing()
     assert str(*one.systems()) != str(*other.systems())
     assert one.identity() == other.identity()
+
+
+def test_a_campaign_is_told_by_what_its_options_are_whatever_holds_them():
+    """Of nine events the addresses of their functions told, other ones in each process; a list was not its array."""
+
+    def told(**options):
+        return ensemble.Plan(belt(3), **{"duration": "20 yr", "dt": 10} | options).identity()
+
+    def events(end):
+        return [orbits.events.Event(lambda t, q, v, k=k: t - end - k, name=f"e{k}") for k in range(9)]
+
+    one, same, other = events(1.0), events(1.0), events(2.0)
+    assert told(events=one) == told(events=same) != told(events=other)
+    times, dates = np.arange(1.0, 12.0), Time(2460000.5 + np.arange(0.0, 2000.0), format="jd", scale="tdb")
+    for some in (times[:3], times):
+        assert told(samples=some) == told(samples=some.tolist()) != told(samples=some * u.yr)
+        assert told(samples=some * u.yr) == told(samples=[x * u.yr for x in some])
+    late = dates + np.where(np.arange(2000) == 1000, 1e-3, 0.0) * u.s
+    assert told(samples=dates) != told(samples=late)
