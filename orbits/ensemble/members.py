@@ -207,8 +207,8 @@ class Made(Ensemble):
         return system
 
     def identity(self) -> dict[str, str]:
-        """Return what the results depend on, by its name in messages: of the function its name and its code, and three
-        of the systems that it makes, which tell what else it reads.
+        """Return what the results depend on, by its name in messages: of the function its name and its code, and the
+        systems of the first, the middle and the last member, for what else it reads: of others it is not seen.
         """
         points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
         few = [self.part(k, k + 1).systems() for k in sorted({0, len(self) // 2, len(self) - 1})]
@@ -312,8 +312,8 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
         orbits.ensemble.grid(make_system, mass=np.geomspace(1e-5, 1e-3, 40), e=np.linspace(0, 0.3, 30))
 
     what : a `System`: the members are massless bodies among its bodies, with these arguments of `System.add`; or a
-        function that makes a `System` from one value of each parameter. It is called on the workers, and must be
-        written in a file for processes
+        function that makes a `System` from one value of each parameter, the same one each time. It is called on the
+        workers, and for a few members where the campaign is started; for processes it must be written in a file
     given : each axis by its name, that of no other column of the table: a sequence or an array (m,); a single value is
         the same for all members
 
