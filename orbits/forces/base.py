@@ -45,6 +45,9 @@ PARTICLE_FORCE = "strength, own, t, particle, sources, speeds, place, velocity"
 TIME = 2
 """The place of the time among the arguments of all kernels."""
 
+LOADS = "LOAD_FAST", "LOAD_DEREF", "LOAD_CLOSURE"
+"""The instructions by which a function, or one within it, reads an argument."""
+
 
 @cache
 def _reads_time(tag_type: Any) -> bool:
@@ -52,7 +55,7 @@ def _reads_time(tag_type: Any) -> bool:
     kernels = (kernel_of(tag_type, name) for name in ("force", "particle_force", "acceleration"))
     codes = [x.py_func.__code__ for x in kernels if hasattr(x, "py_func")]
     read = [(code.co_varnames[TIME], step) for code in codes for step in dis.get_instructions(code)]
-    return any(t in np.atleast_1d(step.argval) for t, step in read if step.opname.startswith("LOAD_FAST"))
+    return any(t in np.atleast_1d(step.argval) for t, step in read if step.opname.startswith(LOADS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +79,6 @@ class BoundForce:
         whose = f"the force {shown(self.name)}"
         if not isinstance(self.tag, Tag):
             raise InputError(f"{whose}: tag is {shown(self.tag)}; expected orbits.kernels.binding.Tag(name, kernels)")
-        self.tag.check()
         for name in ("parameters", "inner"):
             vector = getattr(self, name)
             is_vector = isinstance(vector, np.ndarray) and vector.dtype == np.float64 and vector.ndim == 1

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.kernels.binding import Tag
+from orbits.kernels.compile.frozen import listed
 from orbits.kernels.lanes import WIDTH
 
 Array = NDArray[np.float64]
@@ -27,10 +28,7 @@ _TAGS: dict[tuple[Any, ...], Tag] = {}
 
 def _tag_of(kernels: Mapping[str, Any]) -> Tag:
     """Return the tag of kernels, with a name that tells them from all others."""
-    digest = hashlib.sha256()
-    for name, kernel in sorted(kernels.items()):
-        shown = f"{kernel.__module__}.{kernel.__qualname__}" if hasattr(kernel, "py_func") else repr(kernel)
-        digest.update(f"{name}: {shown}\n".encode())
+    digest = hashlib.sha256(listed(kernels).encode())
     return Tag(f"method-{digest.hexdigest()[:16]}", kernels)
 
 

@@ -12,7 +12,7 @@ Compiled code calls the functions below in the same way for both.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import wraps
+from functools import cached_property, wraps
 from typing import Any
 
 from numba import types
@@ -37,19 +37,33 @@ class Tag:
     """
 
     def __init__(self, name: str, kernels: Mapping[str, Any]) -> None:
-        own = frozen_of(kernels)
-        self.name = f"{name}-{own}" if own else name
-        self.type: Any = TagType(self.name)
-        self._numba_type_ = self.type
-        _KERNELS[self.name] = dict(kernels)
+        self._given, self._kernels, self._own = name, dict(kernels), ""
+
+    @cached_property
+    def name(self) -> str:
+        """The name, from its first use on: what kernels read from around them may change before."""
+        self._own = frozen_of(self._kernels)
+        name = f"{self._given}-{self._own}" if self._own else self._given
+        _KERNELS[name] = self._kernels
+        return name
+
+    @cached_property
+    def type(self) -> Any:
+        """The type by which compiled code finds the kernels."""
+        return TagType(self.name)
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        return self.type
 
     def check(self) -> None:
         """Raise InputError if the kernels read values that have changed since they were first used."""
-        frozen_of(_KERNELS[self.name])
+        if self.name and self._own:
+            frozen_of(self._kernels)
 
     def provides(self, name: str) -> bool:
         """Whether the Lagrangian has the kernel of that name."""
-        return name in _KERNELS[self.name]
+        return name in self._kernels
 
     def __repr__(self) -> str:
         return f"Tag({self.name!r})"

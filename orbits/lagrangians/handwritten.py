@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from orbits.checks import check_kernel
 from orbits.errors import InputError, shown
 from orbits.kernels.binding import Tag
+from orbits.kernels.compile.frozen import listed
 from orbits.lagrangians.base import GRADIENTS, SEPARABLE, Compiled, Lagrangian, Motion, Symmetries
 
 CANONICAL = ("value", "gradients", "hessians")
@@ -73,7 +75,8 @@ def from_kernels(
     provided = {**kernels, "dimension": d}
     if "accelerate" in kernels:
         provided["accelerate_stages"] = kernels["accelerate"]
-    made = Compiled(Tag(f"{name}-{d}", provided), frozenset(traits))
+    told = hashlib.sha256(listed(kernels).encode()).hexdigest()[:16]  # kernels of this package, too
+    made = Compiled(Tag(f"{name}-{d}-{told}", provided), frozenset(traits))
     return Lagrangian(
         name=name,
         formula=formula or "by hand",

@@ -81,11 +81,13 @@ def bound(
     if conditions is not None and conditions.energy < np.inf:
         require_newtonian(system, "EnergyErrorAbove")
     bodies = system.values if state is None else system.values._replace(q=state[0], v=state[1])
+    acting = derived(system, model)
+    acting.check()
     marcher = march_of(
         bodies,
         integrator,
         clock,
-        derived(system, model),
+        acting,
         start=start,
         dense=dense,
         underway=underway,

@@ -282,6 +282,11 @@ class Model(NamedTuple):
     vectors: Any
     forces: tuple[BoundForce, ...]
 
+    def check(self) -> None:
+        """Raise InputError if kernels of a user read values that have changed since they were first used."""
+        for tag in (self.lagrangian.tag, *(force.tag for force in self.forces)):
+            tag.check()
+
 
 def model(system: System, bodies: Any = slice(None)) -> Model:
     """Return the model of the bodies of a system, or of some of them, which must include all massive ones."""
@@ -303,10 +308,12 @@ def model(system: System, bodies: Any = slice(None)) -> Model:
         forces.append(_bound(force, on[massive], on[~massive], system.units))
     if not system.terms:
         vector = parameters(system.values.gm[system.massive], system.values.softening)
-        return Model(newtonian, vector, tuple(forces))
-    lagrangian = lagrangian_of(system)
-    lagrangian.tag.check()
-    return Model(lagrangian, lagrangian.parameter_vector, tuple(forces))
+        found = Model(newtonian, vector, tuple(forces))
+    else:
+        lagrangian = lagrangian_of(system)
+        found = Model(lagrangian, lagrangian.parameter_vector, tuple(forces))
+    found.check()
+    return found
 
 
 def _bound(force: Force, massive: NDArray[np.bool_], particles: NDArray[np.bool_], units: UnitSystem) -> BoundForce:
@@ -330,7 +337,7 @@ def _lasting(force: Force, found: BoundForce) -> BoundForce:
         raise InputError(
             f"a kernel of {type(force).__name__} reads t, the time since the epoch of the system, and states of a run "
             "have later epochs; expected a method later(self, time) that returns the force for an epoch that is later "
-            "by that quantity, as MassLoss does."
+            "by that quantity, as MassLoss does, or itself where the time changes nothing."
         )
     return found
 

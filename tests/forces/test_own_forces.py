@@ -1,6 +1,7 @@
 """Forces, terms and methods of users' own: what cannot be marched or archived is refused before the run, in words."""
 
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, ClassVar
 
 import numpy as np
@@ -86,6 +87,25 @@ def test_what_compiled_code_cannot_take_of_a_force_is_refused_in_words(case):
     made, words = WRONG[case]
     with pytest.raises(InputError, match=words):
         model(system(Own(made=made)))
+
+
+SETTINGS = ModuleType("settings")
+SETTINGS.K = 1.0
+
+
+@kernel
+def of_settings(strength, own, t, q, v, f):
+    put(f, 0, get(f, 0) + SETTINGS.K)
+
+
+def test_a_value_that_changes_between_two_runs_of_one_system_is_refused(monkeypatch):
+    """The second run had the code of the first."""
+    bodies = system(Own(made=BoundForce("it", Tag("of-settings", {"force": of_settings}), NUMBERS)), grain=False)
+    monkeypatch.setattr(SETTINGS, "K", 2.0)
+    orbits.propagate(bodies, orbits.Gauss(stages=4), dt=0.1, duration=0.2)
+    monkeypatch.setattr(SETTINGS, "K", 3.0)
+    with pytest.raises(InputError, match=r"force reads a variable .* has changed since it was first used"):
+        orbits.propagate(bodies, orbits.Gauss(stages=4), dt=0.1, duration=0.2)
 
 
 def test_a_force_says_what_it_is_from_another_origin():

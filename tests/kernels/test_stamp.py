@@ -4,12 +4,16 @@ import ast
 import shutil
 import types
 
+import numba
 import numpy as np
 import pytest
 
+import orbits
+from orbits.errors import InputError
 from orbits.forces import drag
-from orbits.kernels.binding import Tag
+from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.frozen import frozen
 from orbits.kernels.compile.source_hash import (
     KERNEL_FOLDERS,
     MARKS,
@@ -226,3 +230,57 @@ def test_what_kernels_of_users_freeze_is_in_the_names_of_their_tags():
     assert len(set(names)) == len(names)
     assert tag_of().name == names[0]
     assert drag.TAG.name == "drag"  # the stamp covers the package
+
+
+def own_kernel(body, **scope):
+    """Return a kernel f(q) of a user, made of a line and of what it reads."""
+    scope = {"kernel": kernel, "put": put, "__name__": "mine"} | scope
+    exec(compile(f"@kernel\ndef force(q):\n    {body}\n", "<stdin>", "exec"), scope)
+    return scope["force"]
+
+
+def test_what_kernels_read_is_followed_to_where_it_stands_and_no_further():
+    consts = types.ModuleType("consts")
+    consts.settings = types.ModuleType("consts.settings")
+
+    def dotted(K):
+        consts.settings.K = K
+        return frozen(own_kernel("put(q, 0, consts.settings.K)", consts=consts))
+
+    def helped(factor):
+        scope = {}
+        exec(f"def root(a):\n    return {factor} * a", scope)
+        return frozen(own_kernel("put(q, 0, root(1.0))", root=numba.vectorize(scope["root"])))
+
+    assert dotted(2.0) != dotted(3.0)
+    assert dotted(2.0) == dotted(np.float64(2.0))
+    assert helped(1) != helped(2)
+    shapes = [frozen(own_kernel("put(q, 0, 1.0 * q.shape[0])", shape=x)) for x in ("spheres", "cubes")]
+    assert shapes[0] == shapes[1]  # an attribute, not the global of that name
+    assert frozen(own_kernel("put(q, 0, 1.0)", __name__=None))  # as of functions that SymPy makes
+
+
+def test_kernels_of_the_package_in_a_tag_of_a_user_tell_it_from_others():
+    mine = own_kernel("put(q, 0, 1.0)")
+    two = [Tag("x", {"force": mine, "particle_force": kernel}).name for kernel in (rsqrt_cubed, drag.particle_force)]
+    assert two[0] != two[1]
+    made = [
+        orbits.Lagrangian.from_kernels({"accelerate": f}, coordinates=["x"], name="mine", example=None)
+        for f in (accelerate_of("pendulum"), accelerate_of("harmonic-oscillator"))
+    ]
+    assert made[0].tag.name != made[1].tag.name
+
+
+def accelerate_of(name):
+    return kernel_of(orbits.lagrangians.registry()[name].tag.type, "accelerate")
+
+
+def test_values_may_change_before_kernels_are_used_and_are_refused_after():
+    settings = types.ModuleType("settings")
+    settings.K = 1.0
+    tag = Tag("late", {"force": own_kernel("put(q, 0, settings.K)", settings=settings)})
+    settings.K = 2.0
+    tag.check()
+    settings.K = 3.0
+    with pytest.raises(InputError, match="has changed since it was first used"):
+        tag.check()

@@ -185,9 +185,11 @@ def _check_values(name: str, symbols: Iterable[Any], values: Mapping[str, float]
     import sympy
 
     for symbol in symbols:
+        declared = [(fact, symbol.assumptions0[fact]) for fact in DECLARED if fact in symbol.assumptions0]
+        if not declared:
+            continue
         value = values[str(symbol)]
         number = sympy.Integer(value) if value.is_integer() else sympy.Rational(value)
-        declared = [(fact, symbol.assumptions0[fact]) for fact in DECLARED if fact in symbol.assumptions0]
         for fact, assumed in sorted(declared, key=lambda each: not each[1]):  # what is, before what is not
             if getattr(number, f"is_{fact}") is not assumed:
                 raise InputError(
