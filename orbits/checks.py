@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import math
-import sys
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -251,9 +250,3 @@ def check_kernel(function: Any, name: str, arguments: str, whose: str) -> None:
     taken = list(inspect.signature(function.py_func).parameters)
     if len(taken) != len(arguments.split(",")):
         raise InputError(f"{whose}: the kernel {name} takes ({', '.join(taken)}); expected {name}({arguments})")
-
-
-def in_full(value: Any) -> str:
-    """Return a value as text with all digits of all its numbers, to tell it from others; quantities show eight."""
-    with np.printoptions(floatmode="unique", threshold=sys.maxsize):
-        return repr(value)

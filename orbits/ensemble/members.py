@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from orbits.body_names import checked_names
 from orbits.catalogue import Catalogue
-from orbits.checks import in_full, listed
+from orbits.checks import listed
 from orbits.errors import InputError, OrbitsError, shown
-from orbits.propagation.events.functions import description
+from orbits.propagation.events.functions import description, in_full
 from orbits.system import System
 from orbits.system.presenting import in_words
 
@@ -207,12 +207,12 @@ class Made(Ensemble):
         return system
 
     def identity(self) -> dict[str, str]:
-        """Return what the results depend on, by its name in messages: of the function its name and its code, and three
-        of the systems that it makes, which tell what else it reads.
+        """Return what the results depend on, by its name in messages: of the function its name and its code, and the
+        systems of the first, the middle and the last member, for what else it reads: of others it is not seen.
         """
         points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
         few = [self.part(k, k + 1).systems() for k in sorted({0, len(self) // 2, len(self) - 1})]
-        made = [described(one) if isinstance(one, System) else str(one) for (one,) in few]
+        made = [described(one) if isinstance(one, System) else type(one).__name__ for (one,) in few]
         return super().identity() | {
             "function": ", ".join(description(self.make).values()),
             "points": digest(points),
@@ -312,8 +312,8 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
         orbits.ensemble.grid(make_system, mass=np.geomspace(1e-5, 1e-3, 40), e=np.linspace(0, 0.3, 30))
 
     what : a `System`: the members are massless bodies among its bodies, with these arguments of `System.add`; or a
-        function that makes a `System` from one value of each parameter. It is called on the workers, and must be
-        written in a file for processes
+        function that makes a `System` from one value of each parameter, the same one each time. It is called on the
+        workers, and for a few members where the campaign is started; for processes it must be written in a file
     given : each axis by its name, that of no other column of the table: a sequence or an array (m,); a single value is
         the same for all members
 
@@ -378,7 +378,7 @@ def described(system: System) -> str:
     gm, q, v, softening = system.values
     radii = None if system.radii is None else system.radii.value
     epoch = "" if system.epoch is None else repr((system.epoch.jd1, system.epoch.jd2))
-    acting = in_full((system.terms, system.forces, system.units, softening))
+    acting = chr(10).join(map(in_full, (system.terms, system.forces, system.units, softening)))
     return f"System({in_words(system)}), {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
 
 

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from astropy import units as u
 from astropy.time import Time
 
 from orbits import integrators
 from orbits.archive.storage import free_bytes, human
-from orbits.checks import checked_flag, in_full, whole_number
+from orbits.checks import checked_flag, whole_number
 from orbits.elsewhere import unknown_argument
-from orbits.ensemble.members import Ensemble
+from orbits.ensemble.members import Ensemble, digest
 from orbits.ensemble.tasks import Task
 from orbits.errors import InputError, StorageError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
-from orbits.propagation.events.functions import description
+from orbits.propagation.events.functions import in_full
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 
@@ -42,7 +42,8 @@ ROOM = 1 << 28
 OF_A_STATE, OF_A_BODY, OF_AN_ARCHIVE = 48, 2000, 200_000
 """About how many bytes an archive takes for a body at a sample, for a body beside that, and for itself."""
 
-ADDRESS = re.compile(r" at 0x[0-9a-f]+")
+SHOWN = 8
+"""The most values of an option that messages show; of more they show a hash."""
 
 OPTIONS = "dt", "duration", "until", "samples", "events", "stop", "check_step", "approaches"
 """The options of `propagate` that a campaign takes."""
@@ -194,14 +195,21 @@ class Plan:
 
 
 def _described(value: Any) -> str:
-    """Return an option as a text that is the same in each process."""
+    """Return an option as a text that is the same in each process, and for a list as for an array of the same."""
     if isinstance(value, Time):
-        return f"{value.jd1!r} + {value.jd2!r} {value.scale}"
-    if isinstance(value, np.ndarray | list | tuple) and np.size(value) > 8:
-        from orbits.ensemble.members import digest
+        count, text = value.size, f"{np.asarray(value.jd1).tolist()} + {np.asarray(value.jd2).tolist()} {value.scale}"
+    elif isinstance(value, list | tuple) or (hasattr(value, "__array__") and not isinstance(value, str)):
+        count, text = _listed(value)
+    else:
+        count, text = 1, in_full(value)
+    return text if count <= SHOWN else f"{count} values, {digest(text)}"
 
-        return f"{np.size(value)} values, {digest(in_full(value))}"
-    text = in_full(value)
-    if ADDRESS.search(text) is None:
-        return text
-    return f"{ADDRESS.sub('', text)}, {description(value)['code']}"  # with functions of a user, as of events
+
+def _listed(values: Any) -> tuple[int, str]:
+    """Return the length of a list or an array, and its text: numbers with their unit, or one item after the other."""
+    try:
+        numbers = u.Quantity(values)
+    except (TypeError, ValueError):  # not of numbers, or not of one kind of unit
+        items = values if isinstance(values, list | tuple) else np.ravel(values).tolist()
+        return len(items), ", ".join(map(_described, items))
+    return numbers.size, f"{numbers.value.tolist()} {numbers.unit}".rstrip()

@@ -96,9 +96,9 @@ def run(
     listed in `campaign.failed`, its members and single systems that cannot be in `campaign.failed_members`, with a
     warning at the end, and the others go on; so does a block whose worker was lost, elsewhere. Raises InputError for
     wrong arguments, a cluster that does not answer, and workers of other versions; ArchiveError for a folder with
-    another campaign, or that another process runs; StorageError if the disk is too small, before the start, or fails;
-    MissingPackageError without Dask; Interrupted after Ctrl-C, SIGTERM or SIGHUP, with the campaign so far as
-    `.trajectory`: the same call goes on.
+    another campaign, or one of an earlier version, or that another process runs; StorageError if the disk is too small,
+    before the start, or fails; MissingPackageError without Dask; Interrupted after Ctrl-C, SIGTERM or SIGHUP, with the
+    campaign so far as `.trajectory`: the same call goes on.
     """
     if isinstance(ensemble, Plan):
         given = [*options, *["integrator"] * (integrator is not None), *["block"] * (block is not None)]

@@ -28,7 +28,9 @@ from orbits.archive.storage import Storage, sync_folder
 from orbits.ensemble.tasks import DONE, FAILED, Outcome, files_of, fingerprint
 from orbits.errors import ArchiveError, StorageError
 
-FORMAT = "orbits campaign 1"
+FORMAT, EARLIER = "orbits campaign 2", "orbits campaign 1"
+"""The format that is written, and one that is read but not gone on with: its identity does not tell all it must."""
+
 ABOUT, MEMBERS, INDEX, LOCK = "campaign.json", "members.npz", "index.jsonl", "campaign.lock"
 
 Columns = dict[str, NDArray[Any]]
@@ -72,8 +74,11 @@ class Store:
             raise ArchiveError(f"{folder} {found}; expected the folder of a campaign of orbits.ensemble.run.")
         try:
             about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-            if about["format"] != FORMAT:
-                raise ArchiveError(f"{folder} has format {about['format']!r}; this version reads {FORMAT!r}.")
+            if about["format"] not in (FORMAT, EARLIER):
+                raise ArchiveError(
+                    f"{folder} has format {about['format']!r}; this version of orbits reads {FORMAT!r}. It was written "
+                    "by a newer one: pip install --upgrade orbits."
+                )
         except FileNotFoundError:
             raise ArchiveError(f"{folder} is not the folder of a campaign: it has no {ABOUT}.") from None
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -84,8 +89,8 @@ class Store:
     def begun(cls, folder: Path, about: dict[str, Any], members: Mapping[str, Any]) -> Store:
         """Return the store for running a campaign, new or to be continued, locked.
 
-        Raises ArchiveError for a folder with other things, or with another campaign, saying what differs, and if
-        another process runs it; StorageError if it cannot be written.
+        Raises ArchiveError for a folder with other things, with another campaign, saying what differs, or with one of
+        an earlier version, and if another process runs it; StorageError if it cannot be written.
         """
         if not (folder / ABOUT).exists():
             if folder.exists() and (not folder.is_dir() or any(p.name != LOCK for p in folder.iterdir())):
@@ -101,7 +106,7 @@ class Store:
             if (folder / ABOUT).exists():
                 there = cls.opened(folder)
                 if there.entries():
-                    different(folder, there.about["identity"], about["identity"])
+                    check_same(folder, there.about, about)
                 elif there.about != json.loads(json.dumps(about)):  # nothing was done for it
                     for block in range(there.blocks):
                         there.forget(block)
@@ -237,8 +242,15 @@ def _loaded(path: Path) -> Columns:
         raise _damaged(path, error) from error
 
 
-def different(folder: Path, there: Mapping[str, str], here: Mapping[str, str]) -> None:
-    """Raise ArchiveError if the campaign in a folder is another one, saying what differs."""
+def check_same(folder: Path, about: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+    """Raise ArchiveError if the campaign in a folder is another one, saying what differs, or of an earlier version."""
+    if about["format"] == EARLIER:
+        raise ArchiveError(
+            f"{folder} was begun by an earlier version of orbits, which did not note all that tells one campaign from "
+            "another. orbits.ensemble.open reads what is there; to compute more, give another folder, or take that "
+            "version."
+        )
+    there, here = about["identity"], wanted["identity"]
     keys = [key for key in {**there, **here} if there.get(key) != here.get(key)]
     if not keys:
         return

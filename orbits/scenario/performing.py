@@ -10,7 +10,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from orbits.checks import in_full
 from orbits.errors import InputError, OrbitsError, counted, shown, with_unit
 from orbits.json_text import json_text, plain
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
@@ -157,6 +156,8 @@ def _performed(
 
 def _parts(scenario: Scenario, name: str, system: System, grid: TimeGrid, folder: Path, say: Say) -> Parts:
     """Return the finished stages of a comparison, which depend on the problem alone."""
+    from orbits.propagation.events.functions import in_full
+
     x = system.values
     problem = hashlib.sha256(in_full((system.names, system.terms, system.forces, x.softening, grid.clock)).encode())
     for each in (x.gm, x.q, x.v, grid.times):

@@ -289,6 +289,20 @@ def test_the_store_of_another_campaign_is_refused_with_what_differs(tmp_path):
         ensemble.open(tmp_path / "d")
 
 
+def test_the_store_of_an_earlier_version_is_read_and_not_gone_on_with(tmp_path):
+    """Its quantities are told apart by eight digits: the same text may be of another campaign."""
+    campaign = ensemble.run(belt(20), tmp_path / "c", block=16, **OPTIONS)
+    about = tmp_path / "c" / "campaign.json"
+    text = about.read_text()
+    about.write_text(text.replace("orbits campaign 2", "orbits campaign 1"))
+    assert ensemble.open(tmp_path / "c").bits == campaign.bits
+    with pytest.raises(ArchiveError, match=r"begun by an earlier version of orbits.*orbits\.ensemble\.open reads"):
+        ensemble.run(belt(20), tmp_path / "c", block=16, **OPTIONS)
+    about.write_text(text.replace("orbits campaign 2", "orbits campaign 3"))
+    with pytest.raises(ArchiveError, match=r"has format 'orbits campaign 3'; .* written by a newer one"):
+        ensemble.open(tmp_path / "c")
+
+
 def test_a_folder_in_which_nothing_was_done_yet_takes_another_campaign(tmp_path, monkeypatch):
     monkeypatch.setattr(dask_workers, "PATIENCE", 0.5)
     with pytest.raises(InputError):

@@ -19,6 +19,12 @@ SIGMA = np.array([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
 CORRELATION = 0.6 * np.ones((6, 6)) + 0.4 * np.eye(6)
 COVARIANCE = CORRELATION * np.outer(SIGMA, SIGMA)
 
+A_OF = dict.fromkeys(range(4), 3.0)
+
+
+def from_table(k):
+    return giants().add("x", primary="Sun", a=A_OF[k])
+
 
 def test_clones_have_the_covariance_that_was_given():
     """Of 200,000 draws: variances to 1 %, correlations to 0.01, three standard errors each."""
@@ -285,3 +291,49 @@ def test_campaigns_that_differ_in_the_last_digit_are_told_apart():
     assert first != other
     end = 2.0
     assert plan(belt(3), u.yr).identity() != first
+
+
+def test_of_what_a_function_of_a_grid_reads_three_members_tell(monkeypatch):
+    """The first, the middle and the last; of others a campaign does not see it, which docs/ensembles.md says."""
+
+    def told():
+        return ensemble.grid(from_table, k=[0, 1, 2, 3]).identity()
+
+    first = told()
+    for k, seen in enumerate((True, False, True, True)):
+        with monkeypatch.context() as patch:
+            patch.setitem(A_OF, k, 3.1)
+            assert (told() != first) is seen
+
+
+def test_a_campaign_is_told_by_no_address_of_the_errors_of_its_function():
+    """A message may have one, and another one in each process."""
+
+    def failing():
+        def make(e, what=object()):  # noqa: B008
+            raise ValueError(f"{what} is not there")
+
+        return ensemble.grid(make, e=[0.0])
+
+    one, other = failing(), failing()
+    assert str(*one.systems()) != str(*other.systems())
+    assert one.identity() == other.identity()
+
+
+def test_a_campaign_is_told_by_what_its_options_are_whatever_holds_them():
+    """Of nine events the addresses of their functions told, other ones in each process; a list was not its array."""
+
+    def told(**options):
+        return ensemble.Plan(belt(3), **{"duration": "20 yr", "dt": 10} | options).identity()
+
+    def events(end):
+        return [orbits.events.Event(lambda t, q, v, k=k: t - end - k, name=f"e{k}") for k in range(9)]
+
+    one, same, other = events(1.0), events(1.0), events(2.0)
+    assert told(events=one) == told(events=same) != told(events=other)
+    times, dates = np.arange(1.0, 12.0), Time(2460000.5 + np.arange(0.0, 2000.0), format="jd", scale="tdb")
+    for some in (times[:3], times):
+        assert told(samples=some) == told(samples=some.tolist()) != told(samples=some * u.yr)
+        assert told(samples=some * u.yr) == told(samples=[x * u.yr for x in some])
+    late = dates + np.where(np.arange(2000) == 1000, 1e-3, 0.0) * u.s
+    assert told(samples=dates) != told(samples=late)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import re
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +18,8 @@ from orbits.errors import InputError
 
 DIGITS = 16
 """The hexadecimal digits of a digest: two functions have the same by chance once in 2e19 times."""
+
+ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 class Raised(Exception):
@@ -47,6 +51,17 @@ def description(value: Any) -> dict[str, str]:
     """
     digest = hashlib.sha256(repr(_seen(value, ())).encode()).hexdigest()[:DIGITS]
     return {"name": named(value), "code": digest}
+
+
+def in_full(value: Any) -> str:
+    """Return a value as text to tell it from others, the same in all processes: all digits of all its numbers, of which
+    quantities show eight; and what `description` sees of functions, where others show addresses.
+    """
+    with np.printoptions(floatmode="unique", threshold=sys.maxsize):
+        text = repr(value)
+    if ADDRESS.search(text) is None:
+        return text
+    return f"{ADDRESS.sub('', text)}, {description(value)['code']}"
 
 
 def named(value: Any) -> str:
