@@ -95,8 +95,8 @@ def _seen(value: Any, inside: tuple[int, ...]) -> Any:
         import sympy
 
         return sympy.srepr(value)
-    if hasattr(value, "__func__"):  # a bound method
-        return [_seen(value.__func__, inside), _seen(value.__self__, inside)]
+    if hasattr(value, "__func__"):  # a bound method, or one of a class as it stands there
+        return [_seen(value.__func__, inside), _seen(getattr(value, "__self__", None), inside)]
     function = getattr(value, "py_func", value)  # of a compiled one
     if hasattr(function, "__code__"):
         parts = [function.__defaults__, function.__kwdefaults__, _enclosed(function)]
