@@ -207,17 +207,10 @@ class Made(Ensemble):
         return system
 
     def identity(self) -> dict[str, str]:
-        """Return what the results depend on, by its name in messages: of the function its name and its code, and the
-        systems of the first, the middle and the last member, for what else it reads: of others it is not seen.
-        """
+        """Return what the results depend on, by its name in messages: of the function its name and its code."""
         points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
-        few = [self.part(k, k + 1).systems() for k in sorted({0, len(self) // 2, len(self) - 1})]
-        made = [described(one) if isinstance(one, System) else type(one).__name__ for (one,) in few]
-        return super().identity() | {
-            "function": ", ".join(description(self.make).values()),
-            "points": digest(points),
-            "systems": digest("\n".join(made)),
-        }
+        told = ", ".join(description(self.make).values())
+        return super().identity() | {"function": told, "points": digest(points)}
 
 
 def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False) -> Ensemble:
@@ -313,7 +306,7 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
 
     what : a `System`: the members are massless bodies among its bodies, with these arguments of `System.add`; or a
         function that makes a `System` from one value of each parameter, the same one each time. It is called on the
-        workers, and for a few members where the campaign is started; for processes it must be written in a file
+        workers; for processes it must be written in a file
     given : each axis by its name, that of no other column of the table: a sequence or an array (m,); a single value is
         the same for all members
 

@@ -19,12 +19,6 @@ SIGMA = np.array([1e-6, 2e-6, 3e-6, 1e-8, 2e-8, 3e-8])
 CORRELATION = 0.6 * np.ones((6, 6)) + 0.4 * np.eye(6)
 COVARIANCE = CORRELATION * np.outer(SIGMA, SIGMA)
 
-A_OF = dict.fromkeys(range(4), 3.0)
-
-
-def from_table(k):
-    return giants().add("x", primary="Sun", a=A_OF[k])
-
 
 def test_clones_have_the_covariance_that_was_given():
     """Of 200,000 draws: variances to 1 %, correlations to 0.01, three standard errors each."""
@@ -291,19 +285,6 @@ def test_campaigns_that_differ_in_the_last_digit_are_told_apart():
     assert first != other
     end = 2.0
     assert plan(belt(3), u.yr).identity() != first
-
-
-def test_of_what_a_function_of_a_grid_reads_three_members_tell(monkeypatch):
-    """The first, the middle and the last; of others a campaign does not see it, which docs/ensembles.md says."""
-
-    def told():
-        return ensemble.grid(from_table, k=[0, 1, 2, 3]).identity()
-
-    first = told()
-    for k, seen in enumerate((True, False, True, True)):
-        with monkeypatch.context() as patch:
-            patch.setitem(A_OF, k, 3.1)
-            assert (told() != first) is seen
 
 
 def test_a_campaign_is_told_by_no_address_of_the_errors_of_its_function():
