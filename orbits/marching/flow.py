@@ -37,6 +37,9 @@ Array = NDArray[np.float64]
 PATH_BYTES = 1024 * 1024
 """Size of the states that are recorded in one call of the kernel."""
 
+MOST = 2**53
+"""The most steps: those that a float64 counts."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class DiscretePath:
@@ -145,7 +148,7 @@ class Flow:
         """
         self.lagrangian.tag.check()
         x, y = self.lagrangian.vector(q, "q"), self.lagrangian.vector(p, "p")
-        steps, every = whole_number(steps, "steps"), whole_number(every, "every")
+        steps, every = whole_number(steps, "steps", most=MOST), whole_number(every, "every", most=MOST)
         if CONSTRAINED in self.lagrangian.traits:
             require_on_constraints(self.lagrangian, x, y, self.dt)
         if steps % every:

@@ -179,6 +179,7 @@ WRONG_USES = {
     "dt": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.0, steps=3), "dt must be finite and not zero"),
     "dt nan": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=float("nan"), steps=3), "dt must be finite"),
     "steps": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=0), "steps must be a whole number >= 1"),
+    "many steps": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=10**400), "steps = 1000.* at most 9e"),
     "every": (lambda: orbits.march(PENDULUM, orbits.Gauss(), dt=0.1, steps=5, every=2), "multiple of every"),
     "method": (lambda: orbits.march(PENDULUM, 8, dt=0.1, steps=5), "must be a method"),
     "lagrangian": (lambda: orbits.march("pendulum", orbits.Gauss(), dt=0.1, steps=5), "expected a Lagrangian"),

@@ -8,6 +8,7 @@ from astropy import units as u
 
 import orbits
 from orbits.errors import InputError, OrbitsWarning, StepWarning
+from orbits.propagation.checks.precision import warn_if_far
 
 from ..coverings import cover
 from ..problems import kepler, three_bodies
@@ -125,3 +126,11 @@ def test_units_are_named_in_the_message_about_the_origin():
     far = sun.replaced(q=sun.q + 8.0 * u.kpc)
     with pytest.warns(OrbitsWarning, match=r"AU from the origin"):
         propagate(far, 1.0 * u.day, samples=2)
+
+
+def test_a_separation_that_is_nothing_beside_rounding_has_no_digits():
+    """Their ratio underflowed, and its logarithm ended the run with an error of Python."""
+    q, v = [[1e300, 0, 0], [1e300, 5e-324, 0]], [[0, 0, 0], [0, 1, 0]]
+    far = orbits.System(["a", "b"], [1.0, 0.5], q, v, units=orbits.DIMENSIONLESS)
+    with pytest.warns(OrbitsWarning, match="has 0 digits at the start"):
+        warn_if_far(far, 1.0)

@@ -82,7 +82,8 @@ def warn_if_far(system: System, span: float) -> None:
     rounded = 0.5 * float(np.spacing(away))
     if not rounded > FEW_DIGITS * nearest:
         return
-    digits, length = max(int(math.log10(nearest / rounded)), 0) if nearest > 0.0 else 0, system.units.length
+    digits = max(int(math.log10(nearest) - math.log10(rounded)), 0) if nearest > 0.0 else 0
+    length = system.units.length
     far, by, closest = (with_unit(f"{x:.2g}", length) for x in (away, rounded, nearest))
     Finding(
         f"the bodies are up to {far} from the origin, where positions are rounded to {by}: a separation of {closest} "
