@@ -209,8 +209,7 @@ class Made(Ensemble):
     def identity(self) -> dict[str, str]:
         """Return what the results depend on, by its name in messages: of the function its name and its code."""
         points = "\n".join(f"{name} {np.asarray(values).tolist()}" for name, values in self.columns.items())
-        told = ", ".join(description(self.make).values())
-        return super().identity() | {"function": told, "points": digest(points)}
+        return super().identity() | {"function": ", ".join(description(self.make).values()), "points": digest(points)}
 
 
 def particles(bodies: System, members: Any, *, propagate_to_epoch: bool = False) -> Ensemble:
