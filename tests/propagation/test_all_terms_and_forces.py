@@ -78,8 +78,8 @@ def cross(a, b):
 
 @pytest.fixture(scope="module", params=first(1, [0.0, 0.1]), ids=["masses that stay", "masses that grow"])
 def truth(request):
-    """The excess of masses, and where the particle is at the time 1, by Taylor series of 20 digits."""
-    with mpmath.workdps(20):
+    """The excess of masses, and where the particle is at the time 1, by Taylor series of 17 digits."""
+    with mpmath.workdps(17):
         start = [mpmath.mpf(x) for x in (*PARTICLE["p"][1], *PARTICLE["p"][2])]
         motion = mpmath.odefun(lambda t, y: equations(request.param, y), 0, start)
         return request.param, np.array([float(x) for x in motion(1)])
@@ -250,7 +250,7 @@ def test_particles_get_the_same_bits_with_any_number_of_threads_and_each_its_own
     assert set(np.flatnonzero(felt)) == {2, 17}
 
 
-@pytest.mark.parametrize("integrator", first(2, METHODS), ids=lambda m: m.label)
+@pytest.mark.parametrize("integrator", first(1, METHODS), ids=lambda m: m.label)
 def test_an_interrupted_run_goes_on_to_the_same_bits_work_included(tmp_path, integrator):
     system, path = dragged(), tmp_path / "run.h5"
     whole = march(system, integrator, duration=8.0, samples=9)

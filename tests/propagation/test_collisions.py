@@ -17,7 +17,7 @@ from orbits.propagation.collisions.merge_and_bounce import State
 from orbits.propagation.collisions.of_a_run import _keeping_momentum, _momentum
 from orbits.trajectory.changes import Changes, no_changes
 
-from ..coverings import every
+from ..coverings import every, first
 
 D = orbits.DIMENSIONLESS
 MERGE = Collision(then=Merge())
@@ -80,7 +80,7 @@ def test_a_head_on_merger_takes_place_at_keplers_time_and_keeps_mass_momentum_an
     assert drift.linear_momentum.max_fraction <= 1e-15
 
 
-@STEPS
+@pytest.mark.parametrize("dt", first(1, [None, 0.05]), ids=["adaptive", "constant"])
 def test_a_hundred_bodies_keep_mass_momentum_centre_of_mass_and_energy_account_to_round_off(dt: float | None) -> None:
     system = disc()
     run = orbits.propagate(system, dt=dt, duration=15.0, samples=31, events=MERGE, check_step=False)
@@ -104,9 +104,9 @@ def test_a_hundred_bodies_keep_mass_momentum_centre_of_mass_and_energy_account_t
 @STEPS
 def test_samples_elsewhere_change_neither_the_mergers_nor_the_end_by_a_bit(dt: float | None) -> None:
     options = {"dt": dt, "duration": 10.0, "events": MERGE, "check_step": False}
-    many = orbits.propagate(disc(), samples=np.linspace(0.0, 10.0, 171), **options)
-    few = orbits.propagate(disc(), samples=[3.3, 10.0], **options)
-    assert len(many.events) >= 10
+    many = orbits.propagate(disc(60), samples=np.linspace(0.0, 10.0, 171), **options)
+    few = orbits.propagate(disc(60), samples=[3.3, 10.0], **options)
+    assert len(many.events) >= 3
     assert np.array_equal(many.events.time, few.events.time)
     assert np.array_equal(many.q[-1], few.q[-1], equal_nan=True)
     assert np.array_equal(many.v[-1], few.v[-1], equal_nan=True)
@@ -115,15 +115,15 @@ def test_samples_elsewhere_change_neither_the_mergers_nor_the_end_by_a_bit(dt: f
 @STEPS
 def test_a_run_resumed_after_mergers_has_the_bits_of_one_that_never_stopped(dt: float | None, tmp_path: Path) -> None:
     options = {"dt": dt, "duration": 10.0, "samples": 41, "events": MERGE, "check_step": False}
-    whole = orbits.propagate(disc(), **options)
+    whole = orbits.propagate(disc(60), **options)
     seen: list[float] = []
 
-    def until_half(t: u.Quantity, system: orbits.System) -> bool:
+    def until_some_have_merged(t: u.Quantity, system: orbits.System) -> bool:
         seen.append(len(system))
-        return len(seen) == 22
+        return len(seen) == 28
 
     path = tmp_path / "run.h5"
-    with_half = orbits.propagate(disc(), archive=path, callback=until_half, **options)
+    with_half = orbits.propagate(disc(60), archive=path, callback=until_some_have_merged, **options)
     assert seen[-1] < seen[0]  # callbacks see the bodies that are left
     half = len(with_half.events)
     with_half.close()
@@ -275,8 +275,8 @@ def test_a_body_that_the_grown_one_overlaps_merges_at_the_same_instant() -> None
 
 def test_states_at_any_time_go_through_the_changes_after_the_last_sample() -> None:
     times = np.linspace(0.1, 9.9, 14)
-    few = orbits.propagate(disc(), duration=10.0, samples=[0.0, 10.0], events=MERGE)
-    there = orbits.propagate(disc(), duration=10.0, samples=times, events=MERGE)
+    few = orbits.propagate(disc(60), duration=10.0, samples=[0.0, 10.0], events=MERGE)
+    there = orbits.propagate(disc(60), duration=10.0, samples=times, events=MERGE)
     found = few.at(times)
     assert np.array_equal(np.isnan(found.q), np.isnan(there.q))
     assert np.nanmax(np.abs(found.q.value - there.q.value)) < 1e-11  # 3e-14 was seen: round-off, grown
@@ -396,16 +396,16 @@ def test_work_of_forces_is_accounted_for_over_legs() -> None:
     assert run.drift().energy.max_fraction < 1e-12
 
 
-def test_work_of_forces_stays_with_them_where_the_bodies_of_one_are_all_gone() -> None:
+@pytest.mark.parametrize("rates", first(1, [{"a": 0.3, None: 0.1}, {"a": 0.3, None: 0.1, "b": 0.2}]), ids=len)
+def test_work_of_forces_stays_with_them_where_the_bodies_of_one_are_all_gone(rates: Any) -> None:
     """It was added to that of other forces, or ended the run with an error of NumPy."""
     near, far, heavy = ([x, 0.0, 0.0] for x in (-0.1, 0.1, 10.0))
     names, places, still = ["a", "b", "c"], [near, far, heavy], np.zeros((3, 3))
     system = orbits.System(names, [1e-3, 2e-3, 1.0], places, still, radii=[0.03] * 3, units=D)
-    rates = (("a", 0.3), (None, 0.1), ("b", 0.2))
-    forces = [orbits.terms.Drag(rate=rate, bodies=None if body is None else [body]) for body, rate in rates]
+    forces = [orbits.terms.Drag(rate=rate, bodies=None if body is None else [body]) for body, rate in rates.items()]
     system = system.with_forces(*forces)
     run = orbits.propagate(system, dt=0.05, duration=4.0, samples=5, events=MERGE, check_step=False)
-    assert run[-1].forces == (system.forces[1], system.forces[2])
+    assert run[-1].forces == system.forces[1:]
     on_lost = run.work()[0].work.value
     assert on_lost[-1] == on_lost[-2] != 0.0
     assert run.drift().linear_momentum.max_fraction < 1e-14

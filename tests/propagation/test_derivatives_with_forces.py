@@ -307,6 +307,7 @@ def of_user(spoilt):
     return bodies().with_forces(Walls())
 
 
+@pytest.mark.nightly
 def test_a_force_of_a_user_has_derivatives_without_a_line_for_them():
     system, d = of_user(False), np.random.default_rng(3).normal(size=(3, 6))
     q, v = system.values.q, system.values.v

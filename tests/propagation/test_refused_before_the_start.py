@@ -27,7 +27,7 @@ def around_a_star(*others, radii=None):
 
 
 def test_a_dt_too_long_for_the_innermost_pericentre_is_refused_with_the_one_that_would_do():
-    system = orbits.System.solar_system()
+    system = orbits.System.solar_system(bodies=["Sun", "Mercury", "Venus", "Mars", "Jupiter", "Saturn"])
     text = r"dt = 6 d is too long.*Mercury passes Sun, at 0\.3075 AU.*dt <= 3\.5 d"
     with pytest.raises(InputError, match=text) as caught:
         orbits.propagate(system, MAP, dt="6 d", duration="1 yr", check_step="refuse", **OPTIONS)
