@@ -10,7 +10,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 from orbits.propagation.marchers import bound
 
-from ..coverings import only
+from ..coverings import first, only
 
 FOLLOW = {"encounters": "follow"}
 METHODS = {
@@ -41,7 +41,7 @@ def bodies(seed):
     return np.array(gm), q, v
 
 
-@pytest.mark.parametrize("seed", [3, 13, 25, 28])
+@pytest.mark.parametrize("seed", first(2, [3, 13, 25, 28]))
 @pytest.mark.parametrize("name", only(["followed", "map", "Störmer-Verlet"], METHODS))
 def test_pericentres_are_found_in_blocks_as_in_single_steps(name, seed):
     """Also those between two samples that are far apart, of orbits so eccentric that no polynomial follows them there:

@@ -35,7 +35,7 @@ METHODS = [
 )
 def test_they_reach_up_to_where_the_run_was_stopped(method, dt, event, tmp_path):
     """Bodies move away from each other or towards each other at the end, where their distances are those of the end."""
-    for samples in ([12.5], 11, 101):
+    for samples in ([12.5], 101, 11):
         options = {"dt": dt, "duration": 12.5, "samples": samples, "events": event, **QUIET}
         run = orbits.propagate(SYSTEM, method, **options)
         end = run.stopped.time
@@ -43,8 +43,7 @@ def test_they_reach_up_to_where_the_run_was_stopped(method, dt, event, tmp_path)
         found = run.closest_approaches()
         # The last partial step begins from other roundings where samples lie elsewhere.
         assert np.allclose(found.distance.value, whole.distance.value, rtol=1e-14, atol=0.0, equal_nan=True)
-        stored = orbits.propagate(SYSTEM, method, archive=tmp_path / "a.h5", overwrite=True, **options)
-        stored.close()
-        stored = orbits.Trajectory.open(tmp_path / "a.h5")
-        assert np.array_equal(stored.closest_approaches().distance, found.distance, equal_nan=True)
-        stored.close()
+    orbits.propagate(SYSTEM, method, archive=tmp_path / "a.h5", **options).close()
+    stored = orbits.Trajectory.open(tmp_path / "a.h5")
+    assert np.array_equal(stored.closest_approaches().distance, found.distance, equal_nan=True)
+    stored.close()

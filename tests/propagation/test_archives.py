@@ -76,7 +76,7 @@ from orbits.propagation.resuming import sample_store
 sample_store.COMMIT_SECONDS = 0.0  # commit after every block of steps
 system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
 print("started", flush=True)
-orbits.propagate(system, orbits.Gauss(stages=8), dt=1 * u.day, duration=60000 * u.day, samples=3001,
+orbits.propagate(system, orbits.Gauss(stages=8), dt=1 * u.day, duration=20000 * u.day, samples=1001,
                  archive=sys.argv[1], progress=False)
 print("finished", flush=True)
 """
@@ -91,7 +91,7 @@ def readable(path):
     return True
 
 
-@pytest.mark.parametrize("delay", at((1,), [0.0, 0.5]))
+@pytest.mark.parametrize("delay", at((1,), [0.0, 0.1]))
 def test_a_killed_process_leaves_a_file_that_resumes_to_the_same_bits(tmp_path, delay):
     path = tmp_path / "run.h5"
     process = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path)], stdout=subprocess.PIPE, text=True)
@@ -104,9 +104,9 @@ def test_a_killed_process_leaves_a_file_that_resumes_to_the_same_bits(tmp_path, 
     process.communicate()
     stopped = orbits.Trajectory.open(path)
     done = len(stopped)
-    assert 0 <= done < 3001
+    assert 0 <= done < 1001
     stopped.close()
-    # The first 40 samples further on are compared, not all 3001: a shorter run of the same problem gives them.
+    # The first 40 samples further on are compared, not all 1001: a shorter run of the same problem gives them.
     system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
     count = done + 40
     straight = orbits.propagate(

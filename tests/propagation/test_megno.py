@@ -41,13 +41,9 @@ def two_planets(a, e, gm):
 
 @pytest.fixture(scope="module")
 def chaotic():
-    """REBOUND's example of chaos, by its own IAS15 and by runs without dt."""
-    assert "MEGNO>50" in BOUNDS["test_megno"]
-    sim, system = two_planets([1.0, 1.17 ** (2 / 3)], 0.0, 1e-4)
-    sim.integrator = "ias15"
-    sim.init_megno(seed=1)
-    sim.integrate(1e4)
-    return sim.megno(), orbits.megno(system, duration=1.5e4, samples=16)
+    """REBOUND's example of chaos, in a run without dt."""
+    _, system = two_planets([1.0, 1.17 ** (2 / 3)], 0.0, 1e-4)
+    return orbits.megno(system, duration=1.5e4, samples=16)
 
 
 @pytest.mark.nightly
@@ -72,11 +68,20 @@ def test_regular_planets_keep_the_bound_of_rebounds_test(method, dt):
     assert m.massive.lyapunov[-1].value < math.log(1e4) / 1e4 * 1.2  # linear growth
 
 
-def test_chaotic_planets_keep_the_bound_of_rebounds_test_and_agree_with_it(chaotic):
-    theirs, m = chaotic
-    assert m.t[10].value == 1e4
-    assert m.massive.megno[10] > 50.0
-    assert abs(m.massive.megno[10] / theirs - 1.0) < 0.3  # of one random vector, on an orbit that forgets its digits
+def test_chaotic_planets_keep_the_bound_of_rebounds_test(chaotic):
+    assert "MEGNO>50" in BOUNDS["test_megno"]
+    assert chaotic.t[10].value == 1e4
+    assert chaotic.massive.megno[10] > 50.0
+
+
+@pytest.mark.nightly
+def test_chaotic_planets_have_the_megno_of_rebounds_ias15(chaotic):
+    sim, _ = two_planets([1.0, 1.17 ** (2 / 3)], 0.0, 1e-4)
+    sim.integrator = "ias15"
+    sim.init_megno(seed=1)
+    sim.integrate(1e4)
+    # Of one random vector, on an orbit that forgets its digits.
+    assert abs(chaotic.massive.megno[10] / sim.megno() - 1.0) < 0.3
 
 
 @pytest.mark.nightly
@@ -135,7 +140,7 @@ def test_a_lyapunov_time_is_printed_of_chaotic_orbits_alone(megno, shown):
 
 
 def test_megno_of_a_chaotic_orbit_grows_as_half_the_lyapunov_exponent(chaotic):
-    _, m = chaotic
+    m = chaotic
     t, Y = m.t.value, m.massive.megno
     slope = np.polyfit(t[5:], Y[5:], 1)[0]
     rate = np.polyfit(t[5:], (m.massive.lyapunov.value * t)[5:], 1)[0]  # ln |x| itself
@@ -143,7 +148,7 @@ def test_megno_of_a_chaotic_orbit_grows_as_half_the_lyapunov_exponent(chaotic):
 
 
 def test_vectors_are_scaled_when_they_become_large(chaotic):
-    _, m = chaotic
+    m = chaotic
     # |x|^2 beyond 2^600, at which vectors are scaled, is ln |x| > 208; after 10,000 it is 185 to 229.
     assert m.massive.lyapunov[-1].value * 1.5e4 > 210.0
     assert np.isfinite(m.massive.megno[1:]).all()
@@ -175,7 +180,7 @@ def test_a_particle_in_a_chaotic_zone_stands_out():
     system = system.add("J", gm=1e-3, a=1.0, e=0.05)
     # Inside the overlap of resonances, |a - 1| < 1.3 mu^(2/7) = 0.18 (Wisdom 1980), and far outside.
     system = system.add("wild", primary="S", a=0.86, e=0.05, M=2.0).add("calm", primary="S", a=0.4, M=1.0)
-    options = {"duration": 300 * YEAR, "samples": 3}  # steps chosen, as it meets the planet
+    options = {"duration": 100 * YEAR, "samples": 3}  # steps chosen, as it meets the planet
     m = orbits.megno(system, orbits.Gauss(stages=8), **options)
     assert m["wild"].megno[-1] > 10.0
     assert abs(m["calm"].megno[-1] - 2.0) < 0.1
@@ -224,7 +229,7 @@ def test_particles_in_a_map_are_told_apart_as_by_a_method_without_kepler_orbits(
     system = system.add(names, primary="S", a=axes, e=np.array([0.15, 0.15, 0.05]), omega=np.full(3, np.pi))
     found = [
         orbits.megno(system, method, dt=dt, duration=1000 * YEAR, samples=2, check_step=False)
-        for method, dt in (("wisdom-holman", 0.05), (orbits.Gauss(stages=8), 0.3))
+        for method, dt in (("wisdom-holman", 0.05), (orbits.Gauss(stages=8), 0.5))
     ]
     for name in names:
         ours, theirs = (m[name].megno[-1] for m in found)

@@ -38,8 +38,13 @@ def apophis():
 
 
 @pytest.fixture(scope="module")
-def where_apophis_ends(apophis):
-    return orbits.propagate(apophis, GAUSS, dt=0.01, duration=365.0, samples=2)["Apophis"].q[-1]
+def resolved(apophis):
+    return told(apophis, GAUSS, 0.01, 365.0)
+
+
+@pytest.fixture(scope="module")
+def where_apophis_ends(resolved):
+    return resolved[0]["Apophis"].q[-1]
 
 
 @pytest.mark.parametrize("dt", at((1,), [0.5, 0.25, 0.1]))
@@ -55,9 +60,9 @@ def test_a_flyby_that_spoils_the_run_is_told_with_the_error_it_causes_and_a_step
     assert f"puts it about {said(worst.error)} off by the end of the run" in warning
     assert "2029-04-13 21:46 TDB" in warning
     enough = _advised(warning)
-    resolved, nothing = told(apophis, GAUSS, enough, 365.0)
+    fine, nothing = told(apophis, GAUSS, enough, 365.0)
     assert nothing == []
-    assert np.linalg.norm(resolved["Apophis"].q[-1] - where_apophis_ends) < 1e-9 * u.au
+    assert np.linalg.norm(fine["Apophis"].q[-1] - where_apophis_ends) < 1e-9 * u.au
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +80,7 @@ def where_the_comet_ends(past_venus):
 
 @pytest.mark.parametrize(
     ("method", "dt"),
-    at((1, 4, 5), [(GAUSS, 32), (GAUSS, 24), (GAUSS, 16), (GAUSS, 8), (GAUSS, 6), (orbits.Gauss(stages=2), 8)]),
+    at((1, 5), [(GAUSS, 32), (GAUSS, 24), (GAUSS, 16), (GAUSS, 8), (GAUSS, 6), (orbits.Gauss(stages=2), 8)]),
 )
 def test_a_flyby_in_few_steps_beside_the_sun_is_told_with_its_true_error_and_following_the_advice_ends_the_warning(
     past_venus, where_the_comet_ends, method, dt
@@ -96,7 +101,7 @@ def test_what_a_flyby_causes_does_not_include_the_error_on_the_orbit_about_the_s
     assert [(p.body, p.other) for p in run.unresolved()] == [("comet", "Venus"), ("comet", "Sun")]
 
 
-@pytest.mark.parametrize("method", first(2, [VERLET, orbits.Gauss(stages=2), GAUSS]), ids=lambda m: m.label)
+@pytest.mark.parametrize("method", first(1, [VERLET, orbits.Gauss(stages=2), GAUSS]), ids=lambda m: m.label)
 def test_following_the_advice_ends_the_warning_where_the_run_itself_lost_the_passage(method):
     """A comet falls towards Jupiter: in steps of 5 d it passes elsewhere, and the passage seen is not the true one."""
     system = orbits.System.solar_system("2026-01-01", bodies=["Sun", "Jupiter", "Saturn"])
@@ -112,8 +117,8 @@ def _advised(warning):
     return float(warning.split("dt <= ")[1].split()[0])
 
 
-def test_a_flyby_that_the_step_resolves_is_not_told(apophis):
-    run, warned = told(apophis, GAUSS, 0.01, 365.0)
+def test_a_flyby_that_the_step_resolves_is_not_told(resolved):
+    run, warned = resolved
     assert warned == []
     assert run.unresolved() == []
 
@@ -212,8 +217,9 @@ def test_the_list_survives_archives_resumption_and_copies(apophis, tmp_path):
     orbits.propagate(apophis, GAUSS, dt=0.1, duration=100.0, **archive)
     with pytest.warns(StepWarning, match="Apophis to Earth"):
         run = orbits.resume(tmp_path / "run.h5", until=200.0)
+    expected = whole.closest_approaches().to_table()
     for other in (run, orbits.Trajectory.open(tmp_path / "run.h5")):
-        table, expected = other.closest_approaches().to_table(), whole.closest_approaches().to_table()
+        table = other.closest_approaches().to_table()
         assert list(table["body"]) == list(expected["body"])
         assert u.allclose(table["distance"], expected["distance"], rtol=1e-12)
         assert u.allclose(table["error"][:2], expected["error"][:2], rtol=1e-6)
@@ -284,24 +290,24 @@ def test_pericentres_that_spoil_a_run_together_are_told_though_none_does_by_itse
     run, warned = told(system, VERLET, period / 3000, 100 * period)
     assert len(warned) == 2
     assert "passages" in warned[1]
-    true = orbits.propagate(system, GAUSS, dt=period / 3000, duration=100 * period, samples=2).q[-1, 1] - run.q[-1, 1]
+    true = system.q[1].value - run.q[-1, 1].value  # after whole periods
     together = sum(p.error.value for p in run.unresolved())
-    assert together == pytest.approx(np.linalg.norm(true).value, rel=0.3)
+    assert together == pytest.approx(np.linalg.norm(true), rel=0.3)
 
 
 def test_passages_that_cannot_be_noticed_even_together_are_not_marched_again(monkeypatch):
     judged = []
     effect = unresolved_passages.effect
     monkeypatch.setattr(unresolved_passages, "effect", lambda *given: judged.append(given[2]) or effect(*given))
-    run, _ = told(belt(20), orbits.Gauss(stages=4), 12 * u.day, 20 * u.yr)
+    run, _ = told(belt(20), orbits.Gauss(stages=4), 12 * u.day, 10 * u.yr)
     massless = [pair for pair in judged if pair.share == 1.0]
     assert massless == []
-    assert len(judged) > 20  # Mercury's
+    assert len(judged) > 5  # Mercury's
     found = [(approach.body, approach.time.value) for approach in run.unresolved()]
     monkeypatch.setattr(unresolved_passages, "ON_THE_SAFE_SIDE", 0.0)
     judged.clear()
     assert [(approach.body, approach.time.value) for approach in run.unresolved()] == found
-    assert len([pair for pair in judged if pair.share == 1.0]) > 10
+    assert len([pair for pair in judged if pair.share == 1.0]) > 3
 
 
 def test_pericentres_of_a_moon_are_judged_by_its_distance_from_the_planet():
@@ -324,7 +330,7 @@ def test_a_softened_fall_is_judged_by_its_softened_speed_and_ends():
         softening=0.05,
     )
     run, warned = told(system, GAUSS, 0.01, 3.0)
-    truth = orbits.propagate(system, GAUSS, dt=2e-4, duration=3.0, samples=2, check_step=False)
+    truth = orbits.propagate(system, GAUSS, dt=1e-3, duration=3.0, samples=2, check_step=False)
     assert np.linalg.norm(run.q[-1] - truth.q[-1]).value < 1e-5
     assert all("falls straight" not in text and "all bounds" not in text for text in warned)
     assert all(p.speed.value < 7.0 for p in run.closest_approaches()["b"])

@@ -10,7 +10,7 @@ from orbits.errors import InputError
 from orbits.events import Apocentre, CloserThan, Collision, FartherThan, Merge, Pericentre
 from orbits.methods import Composition
 
-from ..coverings import cover
+from ..coverings import cover, only
 
 FREE = {"samples": 2, "progress": False, "check_step": False}
 METHODS = {
@@ -22,7 +22,7 @@ METHODS = {
 }
 
 
-def belt(particles=20):
+def belt(particles=10):
     """A star, two planets, and massless bodies on eccentric orbits between them."""
     rng = np.random.default_rng(7)
     q, v = [[0, 0, 0], [4, 0, 0], [0, -9, 0]], [[0, 0, 0], [0, 0.5, 0], [1 / 3, 0, 0]]
@@ -51,7 +51,7 @@ def test_a_limit_far_below_a_step_is_not_missed(dt, given):
     rng = np.random.default_rng(3)
     limit = 1e-5
     condition = CloserThan(limit, "a", "b", then="stop" if given == "events" else "record")
-    for phase, share in rng.uniform([0, 0.05], [1, 0.9], (24, 2)):
+    for phase, share in rng.uniform([0, 0.05], [1, 0.9], (12, 2)):
         start = crossing(phase, share * limit)
         run = orbits.propagate(start, "gauss", dt=dt, duration=4.5, **{given: condition}, **FREE)
         assert run.stopped is not None
@@ -62,7 +62,7 @@ def test_a_limit_far_below_a_step_is_not_missed(dt, given):
 @pytest.mark.filterwarnings("ignore::orbits.errors.StepWarning")
 @cover(("method", "kind", "sign"), METHODS, [CloserThan, FartherThan], [1, -1], strength=1)
 def test_every_march_ends_at_the_bound_and_goes_on_as_if_it_had_not(method, kind, sign, tmp_path):
-    options = {"duration": sign * 12.0, **FREE, **METHODS[method], "samples": 60}
+    options = {"duration": sign * 12.0, **FREE, **METHODS[method], "samples": 30}
     system, path = belt(), tmp_path / "run.h5"
     plain = orbits.propagate(system, **options)
     name = {CloserThan: "p3", FartherThan: "p2"}[kind]
@@ -83,7 +83,7 @@ def test_every_march_ends_at_the_bound_and_goes_on_as_if_it_had_not(method, kind
     assert len(run.events) == np.sum(np.diff(passed.astype(int)) == 1)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", only(("adaptive", "map"), METHODS))
 def test_any_body_means_massless_ones_too(method):
     system, options = belt(), {"duration": 12.0, **FREE, **METHODS[method]}
     dense = orbits.propagate(system, **{**options, "samples": 241})
@@ -164,7 +164,7 @@ def test_rounding_ends_no_run(how, kind):
 def test_a_run_from_where_another_stopped_goes_on_to_the_next_time(kind, least, speed):
     """The distance there is that of the bound but for rounding, on either side."""
     system = CIRCLE.replaced(v=[[0, 0, 0], [0.3, speed, 0.2]])
-    for bound in least + 0.031 * np.arange(10):
+    for bound in least + 0.1 * np.arange(4):
         first = orbits.propagate(system, dt=1 / 8, duration=40.0, stop=kind(bound, "S", "A"), **FREE)
         again = orbits.propagate(first.stopped.system, dt=1 / 8, duration=40.0, stop=kind(bound, "S", "A"), **FREE)
         period = 2.0 * np.pi * float(system.elements("S").a.value[0]) ** 1.5
