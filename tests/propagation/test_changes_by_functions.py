@@ -46,7 +46,7 @@ def test_a_ship_that_burns_at_each_pericentre_comes_back_at_the_times_of_kepler(
     assert len(run.legs) == 1  # masses stay
 
 
-@STEPS
+@pytest.mark.parametrize("dt", first(1, [None, 0.1]), ids=["adaptive", "constant"])
 def test_samples_elsewhere_and_resumption_change_no_bit_of_a_run_with_burns(dt: float | None, tmp_path: Path) -> None:
     options = {"dt": dt, "duration": 60.0, "events": BURN}
     whole = orbits.propagate(SYSTEM, samples=61, **options)

@@ -54,6 +54,7 @@ def disc(count: int = 100, seed: int = 1) -> orbits.System:
 
 
 STEPS = pytest.mark.parametrize("dt", [None, 0.05], ids=["adaptive", "constant"])
+ONE_BY_DEFAULT = pytest.mark.parametrize("dt", first(1, [None, 0.05]), ids=["adaptive", "constant"])
 
 
 @pytest.mark.parametrize("dt", [None, 0.01], ids=["adaptive", "constant"])
@@ -80,7 +81,7 @@ def test_a_head_on_merger_takes_place_at_keplers_time_and_keeps_mass_momentum_an
     assert drift.linear_momentum.max_fraction <= 1e-15
 
 
-@pytest.mark.parametrize("dt", first(1, [None, 0.05]), ids=["adaptive", "constant"])
+@ONE_BY_DEFAULT
 def test_a_hundred_bodies_keep_mass_momentum_centre_of_mass_and_energy_account_to_round_off(dt: float | None) -> None:
     system = disc()
     run = orbits.propagate(system, dt=dt, duration=15.0, samples=31, events=MERGE, check_step=False)
@@ -112,7 +113,7 @@ def test_samples_elsewhere_change_neither_the_mergers_nor_the_end_by_a_bit(dt: f
     assert np.array_equal(many.v[-1], few.v[-1], equal_nan=True)
 
 
-@STEPS
+@ONE_BY_DEFAULT
 def test_a_run_resumed_after_mergers_has_the_bits_of_one_that_never_stopped(dt: float | None, tmp_path: Path) -> None:
     options = {"dt": dt, "duration": 10.0, "samples": 41, "events": MERGE, "check_step": False}
     whole = orbits.propagate(disc(60), **options)

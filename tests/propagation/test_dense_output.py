@@ -106,15 +106,15 @@ def test_states_before_the_first_sample_are_those_of_the_run_too(dense):
 
 
 def test_keeping_the_steps_changes_neither_samples_nor_the_march(tmp_path):
-    for options in CASES.values():
+    for k, options in enumerate(CASES.values()):
         options = {"duration": 20.0, "samples": 30, **options, **QUIET}
         plain = orbits.propagate(system(), **options)
-        for archive in (None, tmp_path / "run.h5"):
-            dense = orbits.propagate(system(), dense=True, archive=archive, overwrite=True, **options)
-            assert np.array_equal(dense.q, plain.q)
-            assert np.array_equal(dense.v, plain.v)
-            assert dense.statistics.evaluations == plain.statistics.evaluations
-            dense.close()
+        archive = tmp_path / f"{k}.h5" if k % 2 else None
+        dense = orbits.propagate(system(), dense=True, archive=archive, **options)
+        assert np.array_equal(dense.q, plain.q)
+        assert np.array_equal(dense.v, plain.v)
+        assert dense.statistics.evaluations == plain.statistics.evaluations
+        dense.close()
 
 
 def stopped(path, case, samples=10, whole=30, **options):

@@ -33,6 +33,7 @@ APOPHIS = {
 }
 POLE = (0.36, 0.48, 0.8)
 STEPS = pytest.mark.parametrize("dt", [None, 0.02], ids=["adaptive", "constant"])
+ONE_BY_DEFAULT = pytest.mark.parametrize("dt", first(1, [None, 0.02]), ids=["adaptive", "constant"])
 
 SEVERAL = [
     Pericentre("probe"),
@@ -113,7 +114,7 @@ def test_all_kinds_of_events_are_those_of_a_body_with_a_tiny_mass(dt, sign):
     assert (np.diff(massless.time.value) * sign > 0.0).all()
 
 
-@STEPS
+@ONE_BY_DEFAULT
 def test_events_at_the_times_of_samples_are_found_once(dt):
     whole = sought(SEVERAL, dt=dt)
     times = whole.events.time.value
@@ -167,7 +168,7 @@ def one_by_one(patch):
     patch.setattr("orbits.propagation.events.search.of_particles.TOGETHER", 1)
 
 
-@pytest.mark.parametrize("dt", first(1, [None, 0.02]), ids=["adaptive", "constant"])
+@ONE_BY_DEFAULT
 def test_what_is_sought_between_few_of_many_samples_is_all_that_there_is_to_the_bit(dt, monkeypatch):
     sought_between, real = [], ParticleSearches._one
     monkeypatch.setattr(ParticleSearches, "_one", lambda *given: sought_between.append(0) or real(*given))
@@ -225,7 +226,7 @@ class Halted(Exception):
     """Ends a run from within."""
 
 
-@STEPS
+@ONE_BY_DEFAULT
 def test_an_interrupted_and_resumed_run_has_the_same_table(tmp_path, dt):
     whole = sought(STORED, dt=dt)
     path = tmp_path / "run.h5"
@@ -294,7 +295,7 @@ def test_a_search_that_fails_has_all_events_before_and_its_archive_does_not_go_o
         run.close()
 
 
-@STEPS
+@ONE_BY_DEFAULT
 def test_an_extended_run_has_the_events_of_one_run(tmp_path, dt):
     path = tmp_path / "run.h5"
     sought(STORED, dt=dt, duration=6.0, samples=3, archive=path).close()
@@ -303,14 +304,15 @@ def test_an_extended_run_has_the_events_of_one_run(tmp_path, dt):
     extended.close()
 
 
-@STEPS
+@ONE_BY_DEFAULT
 def test_a_run_ends_at_an_event_and_goes_on_past_it(tmp_path, dt):
     path = tmp_path / "run.h5"
     stop = Apocentre("probe", then="stop")
     events = [Apocentre("planet"), Pericentre("probe"), stop, Pericentre("dust")]
-    whole = sought([Apocentre("planet"), Pericentre("probe"), Apocentre("probe")], dt=dt)
-    plain = sought([], dt=dt)
-    run = sought(events, dt=dt, archive=path)
+    how = {"dt": dt, "duration": 9.0, "samples": 4}
+    whole = sought([Apocentre("planet"), Pericentre("probe"), Apocentre("probe")], **how)
+    plain = sought([], **how)
+    run = sought(events, archive=path, **how)
     times = [event.time.value for event in whole.events["probe"] if event.kind == "apocentre"]
     for time in times:
         assert run.stopped.condition == stop

