@@ -6,7 +6,7 @@ take steps of their own, are lost within a step of the bodies, and may hit a bod
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +23,6 @@ from orbits.marching.watching.leg_observers import Observers
 from orbits.marching.watching.passage_list import BlockList
 
 if TYPE_CHECKING:
-    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.marching.legs.leg import Leg
     from orbits.marching.legs.record import Record
     from orbits.marching.legs.stepper import State
@@ -64,11 +63,11 @@ class InLanes:
         """Return the clocks of lost particles, and the parts of a step that they have taken; see `retirements`."""
         return None, None
 
-    def record_at_once(self, march: Legs, end: float) -> Record | None:
-        """Return what was seen of passages up to a time, by which a run is judged; None if its steps are chosen so that
-        they resolve all passages: the record is then made when it is asked for.
+    def record_at_once(self, record: Callable[[], Record]) -> Record | None:
+        """Return what was seen of passages, by which a march is judged; None if its steps are chosen so that they
+        resolve all passages: the record is then made when it is asked for.
         """
-        return march.record(end)
+        return record()
 
 
 class InMap(InLanes):
@@ -157,7 +156,7 @@ class ByOwnClocks(InLanes):
         """Return the clocks of lost particles."""
         return state.get("particle_clock"), None
 
-    def record_at_once(self, march: Legs, end: float) -> Record | None:
+    def record_at_once(self, record: Callable[[], Record]) -> Record | None:
         """Return None: steps that are chosen resolve all passages."""
         return None
 
