@@ -62,7 +62,7 @@ def commands(page):
     ]
 
 
-RUN_BY_DEFAULT = ("from_rebound", "archives", "elements", "events", "samples")
+RUN_BY_DEFAULT = ("from_rebound", "elements", "events")
 """Pages whose code needs kernels that tests need anyway; the others run nightly."""
 
 
