@@ -157,11 +157,12 @@ def test_what_is_said_to_be_here_is_here() -> None:
 
 @pytest.fixture(scope="module")
 def of_a_system() -> list[str]:
-    """What a process prints that makes a system and looks at it."""
+    """What a process prints that makes a system, looks at it, and imports the comparison with REBOUND."""
     code = (
         "import sys, orbits; print(orbits.elements.two_body.__name__); system = orbits.System.solar_system();"
         "print(*dir(orbits)); system.elements('Sun');"
-        "print(sorted({'numba', 'matplotlib', 'rebound', 'h5py'} & set(sys.modules)))"
+        "print(sorted({'numba', 'matplotlib', 'rebound', 'h5py'} & set(sys.modules)));"
+        "import orbits.regression.report; print(sorted({'rebound', 'matplotlib'} & set(sys.modules)))"
     )
     return in_a_fresh_process(code).splitlines()
 
@@ -198,6 +199,10 @@ def test_import_takes_less_than_the_promised_time() -> None:
 def test_making_a_system_imports_neither_numba_nor_matplotlib_nor_rebound(of_a_system: list[str]) -> None:
     # The first step and the first energy pay for compiling; looking at a system does not.
     assert of_a_system[2] == "[]"
+
+
+def test_importing_the_comparison_loads_neither_rebound_nor_matplotlib(of_a_system: list[str]) -> None:
+    assert of_a_system[3] == "[]"
 
 
 PAIR = """

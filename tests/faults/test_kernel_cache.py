@@ -78,7 +78,7 @@ def damage(folder: Path, seed: int, rounds: int) -> None:
 
 
 def test_a_damaged_cache_file_costs_a_compilation_and_nothing_else(tmp_path):
-    damage(tmp_path, seed=1, rounds=8)
+    damage(tmp_path, seed=1, rounds=5)
 
 
 @pytest.mark.faults
