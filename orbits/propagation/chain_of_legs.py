@@ -8,6 +8,7 @@ the grid of steps stays. What is found depends on the whole steps alone: samples
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
 from orbits.marching.legs.next_step import pass_by, step_back
+from orbits.marching.legs.record import Record, seen_by
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
 from orbits.propagation.collisions.contacts import Contacts, End, Outcome
 from orbits.propagation.collisions.merge_and_bounce import State
@@ -54,6 +56,7 @@ class ChainOfLegs(March):
         self._room = room or (2 * len(system) if few else ROOM)
         self._work = np.zeros((len(system.forces), 7))
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
+        self._seen: list[tuple[System, Record]] = []
         self._leg = self.bodies.march(system.values.q, system.values.v, clock)
         self._shapes = {name: (x.shape, x.dtype) for name, x in self._leg.checkpoint().items()}
 
@@ -122,6 +125,15 @@ class ChainOfLegs(March):
         """Release the threads."""
         self._leg.close()
 
+    def seen(self) -> list[tuple[System, Record]]:
+        """Return the bodies of each leg of whole steps so far, and the record by which it is judged, if there are
+        passages in it; of a resumed run, from the leg on in which it went on.
+        """
+        home = self.home
+        record = home.way.record_at_once(partial(seen_by, home, noting_end=False)) if self._grid < 0 else None
+        listed = record is not None and len(record.listed)
+        return [*self._seen, (self.bodies.of_leg(), record)] if record is not None and listed else self._seen
+
     # ------------------------------------------------------------------------------------------------ the march
 
     def is_before(self, place: Place) -> bool:
@@ -152,7 +164,7 @@ class ChainOfLegs(March):
             return
         if contacts is not None:
             contacts.forget()
-            touched = None if leg.home.met is None else End.of(leg.home)
+            touched = None if leg.home.bounds.met is None else End.of(leg.home)
         if touched is not None:
             step_back(leg)
         self.found = self._events.after(leg) if self._seeks else None
@@ -201,7 +213,7 @@ class ChainOfLegs(March):
 
     def _begin_leg(self, time: float, state: State) -> None:
         """Go on from a changed state at a time in the next step."""
-        self.changed = True
+        self._seen, self.changed = self.seen(), True
         self._work = self.accounts()
         if self._contacts is not None:
             self._contacts.forget()

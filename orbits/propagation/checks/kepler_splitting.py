@@ -26,6 +26,7 @@ from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
 from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
 from orbits.propagation.checks.crossing_orbits import close_pairs, orbits_of_planets
+from orbits.propagation.checks.leg_of_run import LegOfRun, listed_in
 from orbits.propagation.checks.step_check import in_digits, rounded_down
 from orbits.results.approach import Approach
 from orbits.system.derived import derived
@@ -220,7 +221,7 @@ def encounters(
     return [k for _, k in sorted(found)]
 
 
-def not_followed(run: Trajectory, seen: Seen) -> Iterator[Finding]:
+def not_followed(run: Trajectory | LegOfRun, seen: Seen) -> Iterator[Finding]:
     """Find the passages in a run that its method did not follow."""
     found = encounters(run.system, run.integrator, run.step, seen, run.excursions)
     central = [k for k in found if seen.dominant in (seen.passages[k].body, seen.passages[k].other)]
@@ -263,7 +264,14 @@ def not_followed(run: Trajectory, seen: Seen) -> Iterator[Finding]:
 
 
 def _not_to_be_trusted(
-    run: Trajectory, seen: Seen, kind: str, found: list[int], what: str, rows: list[str], had: str = "", step: str = ""
+    run: Trajectory | LegOfRun,
+    seen: Seen,
+    kind: str,
+    found: list[int],
+    what: str,
+    rows: list[str],
+    had: str = "",
+    step: str = "",
 ) -> Finding:
     """Return what is said of passages, and of the bodies concerned.
 
@@ -284,7 +292,7 @@ def _not_to_be_trusted(
         kind,
         rows,
         len(found) - SHOWN,
-        ", in run.unresolved()",
+        listed_in(run),
         step + remedy,
     )
 

@@ -13,6 +13,7 @@ from orbits.finding import SHOWN, Finding
 from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.checks.kepler_splitting import encounters
+from orbits.propagation.checks.leg_of_run import LegOfRun, listed_in
 from orbits.propagation.checks.passage_effect import GROWTH, NEGLIGIBLE, Effect, effect
 from orbits.propagation.checks.passing_pair import MOST_ANGLE, Pair
 from orbits.propagation.checks.step_check import (
@@ -63,7 +64,7 @@ def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
     return seen.errors[k]
 
 
-def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
+def _effect(run: Trajectory | LegOfRun, seen: Seen, k: int) -> Effect | None:
     if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
         return None
     passage, end = seen.passages[k], _end(run, seen)
@@ -71,7 +72,7 @@ def _effect(run: Trajectory, seen: Seen, k: int) -> Effect | None:
     return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
 
 
-def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
+def spoiling(run: Trajectory | LegOfRun, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
     """Return the numbers of the passages that spoil the rest of a run, with the error at its end, worst first: those
     that spoil it individually, and those of a pair that do so together.
 
@@ -97,7 +98,7 @@ def spoiling(run: Trajectory, seen: Seen, most: int | None = None) -> list[tuple
     return sorted(found, key=lambda pair: -pair[1])
 
 
-def _in_doubt(run: Trajectory, seen: Seen, end: float) -> dict[int, float]:
+def _in_doubt(run: Trajectory | LegOfRun, seen: Seen, end: float) -> dict[int, float]:
     """Return bounds of the errors at the end of a run that passages cause, but for those of pairs whose passages cannot
     cause a noticeable one together.
     """
@@ -112,7 +113,7 @@ def _in_doubt(run: Trajectory, seen: Seen, end: float) -> dict[int, float]:
     return {k: bound for of, bounds in pairs.items() if sum(bounds.values()) > least[of] for k, bound in bounds.items()}
 
 
-def _spoils(run: Trajectory, seen: Seen, k: int, caused: Effect) -> bool:
+def _spoils(run: Trajectory | LegOfRun, seen: Seen, k: int, caused: Effect) -> bool:
     """Return whether a single passage spoils a run; without a primary, whether its deflection is wrong."""
     if math.isfinite(caused.usual):
         return caused.spoils
@@ -126,7 +127,7 @@ def _pair_of(seen: Seen, k: int) -> frozenset[int]:
     return frozenset((seen.passages[k].body, seen.passages[k].other))
 
 
-def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
+def not_resolved(run: Trajectory | LegOfRun, seen: Seen) -> Iterator[Finding]:
     """Find passages that spoilt a run, and the step that would have resolved them."""
     found = spoiling(run, seen, MOST_JUDGED)
     if not found:
@@ -135,7 +136,8 @@ def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
     for k, error in found:
         pairs.setdefault(_pair_of(seen, k), []).append((k, error))
     shown = list(pairs.values())[:SHOWN]
-    refine(run, seen, [k for (k, _), *_ in shown if _is_close_to_a_sample(run, seen.passages[k])])
+    if not isinstance(run, LegOfRun):
+        refine(run, seen, [k for (k, _), *_ in shown if _is_close_to_a_sample(run, seen.passages[k])])
     rows = []
     for (k, error), *others in shown:
         together = said(as_error(run.system, error + sum(one for _, one in others)))
@@ -154,7 +156,7 @@ def not_resolved(run: Trajectory, seen: Seen) -> Iterator[Finding]:
         "passages not resolved",
         rows,
         len(found) - sum(len(passages) for passages in shown),
-        ", in run.unresolved()",
+        listed_in(run),
         f"{advice[0].upper()}{advice[1:]}.",
     )
 
@@ -171,7 +173,7 @@ def _hardest(seen: Seen, pairs: list[list[tuple[int, float]]]) -> list[list[tupl
     return [*pairs[:SHOWN], *fastest[:SHOWN]]
 
 
-def _enough(run: Trajectory, seen: Seen, numbers: list[int]) -> float:
+def _enough(run: Trajectory | LegOfRun, seen: Seen, numbers: list[int]) -> float:
     """Return a step with which no passage of a pair would spoil the run, nor all of them together; 0 if none is found.
 
     numbers : of the passages of the pair that did, worst first
@@ -250,7 +252,7 @@ def _is_close_to_a_sample(run: Trajectory, passage: Passage) -> bool:
     return passage.step - (abs(float(before[-1]) / run.step) if len(before) else 0.0) <= FEW_STEPS
 
 
-def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> tuple[float, float]:
+def _most(run: Trajectory | LegOfRun, seen: Seen, passage: Passage, end: float) -> tuple[float, float]:
     """Return a bound of the error at the end of the run caused by a passage, 0 for one that cannot spoil it, and the
     sum of the bounds of a pair from which on it may be noticed.
     """
@@ -274,6 +276,7 @@ def _most(run: Trajectory, seen: Seen, passage: Passage, end: float) -> tuple[fl
     return bound if bound > worth else 0.0, noticed
 
 
-def _end(run: Trajectory, seen: Seen) -> float:
+def _end(run: Trajectory | LegOfRun, seen: Seen) -> float:
     """Return the time at which a run ended: that of its last sample, or where it was stopped."""
-    return max(observed_until(run), float(run.clock.time(seen.end)), key=abs)
+    until = run.end if isinstance(run, LegOfRun) else observed_until(run)
+    return max(until, float(run.clock.time(seen.end)), key=abs)
