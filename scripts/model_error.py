@@ -33,8 +33,8 @@ def times() -> np.ndarray:
 
 def real_positions() -> np.ndarray:
     """Return where DE440 has all of `ephemeris.BODIES` at `times()`, (times, bodies, 3), km, barycentric."""
-    zero = as_epoch(EPOCH)
-    return ephemeris.AU_KM * np.array([ephemeris.states(ephemeris.BODIES, zero.jd1, zero.jd2 + t)[1] for t in times()])
+    zero, days = as_epoch(EPOCH), times()
+    return ephemeris.AU_KM * ephemeris.tracks(ephemeris.BODIES, np.full(len(days), zero.jd1), zero.jd2 + days)[0]
 
 
 def missed(bodies: tuple[str, ...], dt: float, real: np.ndarray) -> dict[str, np.ndarray]:

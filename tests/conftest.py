@@ -1,14 +1,19 @@
 """Nothing of the suite depends on what its process inherits: signals ignored by nohup or a runner, masks, a umask."""
 
+import functools
 import os
 import signal
 
+import typer.testing
 from hypothesis import settings
 
 # The same few examples in every run; `make nightly` takes many new ones.
 settings.register_profile("few", max_examples=20, deadline=None, derandomize=True, database=None)
 settings.register_profile("nightly", max_examples=1000, deadline=None, derandomize=False, print_blob=True)
 settings.load_profile("few")
+
+# The commands of the command line are built once, not anew for each of a thousand calls, which took as long as most do.
+typer.testing._get_command = functools.cache(typer.testing._get_command)
 
 
 def pytest_configure() -> None:

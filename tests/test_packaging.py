@@ -81,26 +81,35 @@ def test_the_wheel_names_its_version_licence_and_command(unpacked: Path) -> None
     assert "orbits = orbits.cli:main" in (info / "entry_points.txt").read_text(encoding="utf-8")
 
 
-def test_an_installed_package_reads_its_own_data_in_any_folder(unpacked: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def installed(unpacked: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], list[Path]]:
+    """Return what the package and its command line say in an empty folder, by lines, and what is there afterwards."""
+    folder = tmp_path_factory.mktemp("anywhere")
     code = (
         "import orbits\n"
         "print(orbits.__file__)\n"
         "print(orbits.resources.scenarios_dir())\n"
         "print(orbits.System.solar_system('2022-08-09').add_particles(orbits.asteroids(5)))\n"
+        "import sys; from orbits.cli import main; sys.argv[1:] = ['list']; main()\n"
     )
-    done = run(unpacked, tmp_path, "-c", code)
+    done = run(unpacked, folder, "-c", code)
     assert done.returncode == 0, done.stderr
-    source, scenarios, system = done.stdout.splitlines()
+    return done.stdout.splitlines(), list(folder.iterdir())
+
+
+def test_an_installed_package_reads_its_own_data_in_any_folder(
+    unpacked: Path, installed: tuple[list[str], list[Path]]
+) -> None:
+    source, scenarios, system = installed[0][:3]
     assert Path(source) == unpacked / "orbits" / "__init__.py"
     assert Path(scenarios) == unpacked / "orbits" / "_bundled" / "scenarios"
     assert "10 massive, 5 massless" in system
 
 
 def test_an_installed_command_line_lists_the_bundled_scenarios_in_an_empty_folder(
-    unpacked: Path, tmp_path: Path
+    installed: tuple[list[str], list[Path]],
 ) -> None:
-    done = run(unpacked, tmp_path, "-c", "import sys; from orbits.cli import main; sys.argv[1:] = ['list']; main()")
-    assert done.returncode == 0, done.stderr
+    said, left = "\n".join(installed[0][3:]), installed[1]
     for path in files_below(ROOT / "scenarios", (".py",)):
-        assert Path(path).stem in done.stdout
-    assert not any(tmp_path.iterdir())
+        assert Path(path).stem in said
+    assert not left

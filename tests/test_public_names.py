@@ -155,9 +155,20 @@ def test_what_is_said_to_be_here_is_here() -> None:
         assert set(name.split(" or ")) <= set(registry())
 
 
-def test_dir_shows_public_names_namespaces_and_submodules_and_nothing_internal() -> None:
-    code = "import orbits; orbits.System.solar_system(); print(*dir(orbits))"  # internal modules are loaded by then
-    shown = {name for name in in_a_fresh_process(code).split() if not name.startswith("__")}
+@pytest.fixture(scope="module")
+def of_a_system() -> list[str]:
+    """What a process prints that makes a system, looks at it, and imports the comparison with REBOUND."""
+    code = (
+        "import sys, orbits; print(orbits.elements.two_body.__name__); system = orbits.System.solar_system();"
+        "print(*dir(orbits)); system.elements('Sun');"
+        "print(sorted({'numba', 'matplotlib', 'rebound', 'h5py'} & set(sys.modules)));"
+        "import orbits.regression.report; print(sorted({'rebound', 'matplotlib'} & set(sys.modules)))"
+    )
+    return in_a_fresh_process(code).splitlines()
+
+
+def test_dir_shows_public_names_namespaces_and_submodules_and_nothing_internal(of_a_system: list[str]) -> None:
+    shown = {name for name in of_a_system[1].split() if not name.startswith("__")}  # internal ones are loaded by then
     assert shown == {*orbits.__all__, *orbits._SPACES, *orbits._PARTS} - {"__version__"}
     assert {"propagate", "Gauss", "events", "diagnostics"} <= shown
     for part in orbits._PARTS:
@@ -169,8 +180,8 @@ def test_an_unknown_name_loads_no_heavy_package() -> None:
     assert in_a_fresh_process(code) == "[]"
 
 
-def test_submodules_load_on_first_use() -> None:
-    assert in_a_fresh_process("import orbits; print(orbits.elements.two_body.__name__)") == "two_body"
+def test_submodules_load_on_first_use(of_a_system: list[str]) -> None:
+    assert of_a_system[0] == "two_body"
 
 
 def test_import_loads_no_heavy_package() -> None:
@@ -185,38 +196,50 @@ def test_import_takes_less_than_the_promised_time() -> None:
     assert min(float(in_a_fresh_process(code)) for _ in range(3)) < 0.7
 
 
-def test_a_run_with_kernels_from_disk_loads_nothing_that_compiles_archives_draws_or_compares() -> None:
-    # A third of what a run costs that takes one step; what is named of Numba stands for all that it compiles with.
-    code = (
-        "import sys, orbits; from astropy import units as u; s = orbits.System.solar_system();"
-        "orbits.propagate(s, orbits.Gauss(stages=8), dt=6 * u.day, duration=6 * u.day, samples=2, progress=False);"
-        "names = {'numba.np.arrayobj', 'numba.np.linalg', 'sympy', 'scipy', 'h5py', 'matplotlib', 'rebound', 'pandas'};"
-        "print(sorted(names & set(sys.modules)))"
-    )
-    in_a_fresh_process(code)  # whose kernels are on disk from here on
-    assert in_a_fresh_process(code) == "[]"
-
-
-def test_making_a_system_imports_neither_numba_nor_matplotlib_nor_rebound() -> None:
+def test_making_a_system_imports_neither_numba_nor_matplotlib_nor_rebound(of_a_system: list[str]) -> None:
     # The first step and the first energy pay for compiling; looking at a system does not.
-    code = (
-        "import sys, orbits; orbits.System.solar_system().elements('Sun');"
-        "print(sorted({'numba', 'matplotlib', 'rebound', 'h5py'} & set(sys.modules)))"
-    )
-    assert in_a_fresh_process(code) == "[]"
+    assert of_a_system[2] == "[]"
 
 
-def test_a_run_loads_the_method_that_it_needs_and_not_all_and_leaves_the_collector_on() -> None:
+def test_importing_the_comparison_loads_neither_rebound_nor_matplotlib(of_a_system: list[str]) -> None:
+    assert of_a_system[3] == "[]"
+
+
+PAIR = """
+pair = orbits.System(
+    ["a", "b"], [1, 1e-3], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]], units=orbits.DIMENSIONLESS
+)
+orbits.propagate(pair, orbits.Gauss(stages=8), dt=0.1, duration=0.1, samples=2, progress=False)
+"""
+PLANETS = """
+planets = orbits.System.solar_system()
+orbits.propagate(planets, orbits.Gauss(stages=8), dt="6 d", duration="6 d", samples=2, progress=False)
+"""
+KINDS = (
+    *("integrators.saba", "integrators.composition", "lagrangians.terms.post_newtonian", "forces.tides"),
+    *("lagrangians.pendulum", "discrete", "archive.reader", "catalogue", "observing.ephemeris_of_run"),
+    *("propagation.chain_of_legs", "propagation.events.archived", "propagation.checks.kepler_splitting"),
+)
+OTHERS = ("numba.np.arrayobj", "numba.np.linalg", "sympy", "scipy", "h5py", "matplotlib", "rebound", "pandas")
+
+
+@pytest.fixture(scope="module")
+def after_runs() -> list[str]:
+    """What a process prints after a run of two bodies, and after another of the planets, with kernels from disk."""
+    exec(PAIR + PLANETS, {"orbits": orbits})  # whose kernels are on disk from here on
+    loaded = "print(gc.isenabled(), [name for name in {} if name in sys.modules])\n"
+    kinds = [f"orbits.{kind}" for kind in KINDS]
+    code = "import gc, sys, orbits\n" + PAIR + loaded.format(kinds) + PLANETS + loaded.format(OTHERS)
+    return in_a_fresh_process(code).splitlines()
+
+
+def test_a_run_with_kernels_from_disk_loads_nothing_that_compiles_archives_draws_or_compares(
+    after_runs: list[str],
+) -> None:
+    # A third of what a run costs that takes one step; what is named of Numba stands for all that it compiles with.
+    assert after_runs[1] == "True []"
+
+
+def test_a_run_loads_the_method_that_it_needs_and_not_all_and_leaves_the_collector_on(after_runs: list[str]) -> None:
     """Each module takes about a millisecond."""
-    code = (
-        "import gc, sys, orbits\n"
-        "pair = orbits.System(['a', 'b'], [1, 1e-3], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]],"
-        " units=orbits.DIMENSIONLESS)\n"
-        "orbits.propagate(pair, orbits.Gauss(stages=8), dt=0.1, duration=0.1, samples=2)\n"
-        "kinds = ('integrators.saba', 'integrators.composition', 'lagrangians.terms.post_newtonian', 'forces.tides',"
-        " 'lagrangians.pendulum', 'discrete', 'archive.reader', 'catalogue', 'observing.ephemeris_of_run',"
-        " 'propagation.chain_of_legs', 'propagation.events.archived', 'propagation.checks.kepler_splitting')\n"
-        "print(gc.isenabled(), [kind for kind in kinds if f'orbits.{kind}' in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
-    assert done.stdout.split("\n")[0] == "True []"
+    assert after_runs[0] == "True []"

@@ -22,7 +22,10 @@ MOST_MEMORY = 6 * 2**30  # address space, most of it libraries'
 SECONDS_EACH = 0.5  # a file takes 10 ms
 
 
-@pytest.mark.parametrize(("count", "seed"), [(30, 1), pytest.param(6000, None, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("count", "seed"),
+    [pytest.param(30, 1, marks=pytest.mark.nightly), pytest.param(6000, None, marks=pytest.mark.slow)],
+)
 def test_no_damage_hangs_crashes_or_makes_an_archive_lie(count: int, seed: int | None) -> None:
     seed = int(np.random.default_rng(seed).integers(2**31))
     done = subprocess.run(

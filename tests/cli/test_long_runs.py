@@ -131,7 +131,7 @@ def test_info_tells_of_a_file_that_is_being_written(tmp_path: Path, monkeypatch:
 @pytest.mark.parametrize(
     ("words", "name"),
     first(
-        2,
+        1,
         [
             (["--kind", "elements", "--elements", "a,pomega", "--body", "p", "--primary", "Sun"], "run-elements.png"),
             (["--kind", "resonance", "--resonance", "3:1", "--planet", "Jupiter"], "run-resonance.png"),

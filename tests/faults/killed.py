@@ -115,7 +115,7 @@ def main(folder: Path, every: int) -> None:
     killed, found = 0, []
     for kind, (before, work) in kinds.items():
         for late in (False, True) if every == 1 else (True,):
-            stage = 1
+            stage = every
             while True:
                 for left in path.parent.iterdir():
                     left.unlink()

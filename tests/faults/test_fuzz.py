@@ -15,9 +15,9 @@ from ..coverings import each
 
 
 def test_a_few_calls_with_anything_at_all_give_numbers_or_errors_in_words():
-    found = fuzz(seed=0, count=200)
+    found = fuzz(seed=0, count=100)
     assert not found.wrong
-    assert found.returned > 50, "good calls are among them"
+    assert found.returned > 25, "good calls are among them"
 
 
 SUN = orbits.System(["Sun", "rock"], [1.0, 0.0], [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]],

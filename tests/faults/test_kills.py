@@ -10,7 +10,7 @@ import pytest
 from .processes import ROOT
 
 
-@pytest.mark.parametrize(("every", "least"), [(101, 2), pytest.param(1, 300, marks=pytest.mark.faults)])
+@pytest.mark.parametrize(("every", "least"), [(199, 6), pytest.param(1, 300, marks=pytest.mark.faults)])
 def test_a_run_killed_at_any_stage_of_making_overwriting_resuming_extending_is_whole(every, least, tmp_path):
     done = subprocess.run(
         [sys.executable, "-m", "tests.faults.killed", str(tmp_path), str(every)],

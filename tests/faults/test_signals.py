@@ -45,7 +45,7 @@ except Interrupted as stopped:
 """
 MOMENTS = ["before the file exists", "before it has its name", "before the kernels are ready", "in the middle"]
 NUMBERS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
-SHORT = [(signal.SIGHUP, "before the file exists"), (signal.SIGTERM, "in the middle")]
+SHORT = [(signal.SIGTERM, "in the middle")]
 ALL = [
     pytest.param(number, moment, marks=[] if (number, moment) in SHORT else pytest.mark.faults)
     for number in NUMBERS

@@ -7,6 +7,7 @@ import pytest
 from astropy import units as u
 from astropy.coordinates import EarthLocation
 from astropy.time import Time
+from astropy.utils.iers import earth_orientation_table
 
 import orbits
 from orbits.astrometry.observations import Observations
@@ -14,6 +15,7 @@ from orbits.ephemeris import AU_KM
 from orbits.errors import OrbitsWarning
 from orbits.fitting.echoes import Echoes
 from orbits.fitting.fitted_orbit import _instruments
+from orbits.observing.earth import tables
 from orbits.observing.stations import stations
 from orbits.plotting.residuals import of_residuals
 from orbits.propagation.variations.arc import Arc
@@ -53,7 +55,7 @@ def delay_of(one, received: Time, q: np.ndarray, v: np.ndarray, zero: Time) -> f
     sun = orbits.ephemeris.tracks(["Sun"], [received.tdb.jd1], [received.tdb.jd2])[0][0, 0] * AU_KM
     since = float((received.tdb - zero).to_value(u.s))
     down = up = 0.0
-    for _ in range(8):
+    for _ in range(4):  # each leaves 1e-4 of the error before it, the speed of what moves over that of light
         bounce = q + v * (since - down)
         down = leg(bounce, place_of(one.station, received), sun)
         sent = received.tdb - (down + up) * u.s
@@ -76,7 +78,8 @@ def test_delays_and_shifts_are_those_of_a_calculation_of_its_own():
     for k, one in enumerate(records):
         zero = times[k] - delay[k] * u.day
         line = q[k] * AU_KM, v[k] * AU_KM / 86400.0, zero
-        took = [delay_of(one, times[k] + x * u.s, *line) for x in (-5.0, 0.0, 5.0)]
+        with earth_orientation_table.set(tables()[-1].table):  # which astropy would read once more, for seconds
+            took = [delay_of(one, times[k] + x * u.s, *line) for x in (-5.0, 0.0, 5.0)]
         if one.kind == "delay":
             less = 2 * 0.2 / LIGHT if one.surface else 0.0
             # Reached: 1e-5 microseconds, 2 mm each way.
@@ -107,10 +110,12 @@ JPL = Time(2456323.5, format="jd", scale="tdb"), [-0.6885941010606326, 0.7853011
 
 
 def test_measurements_of_apophis_are_where_its_orbit_by_jpl_has_them():
-    """All delays are longer by about 0.3 microseconds, 40 m each way, which a fit takes off. Asteroids are left out."""
+    """All delays are longer by about 0.3 microseconds, 40 m each way, which a fit takes off.
+
+    Asteroids are left out, and the drift by heat: A2 = -2.9e-14 au/d^2 moves it by 8 m in 60 d.
+    """
     day, q, v = JPL
-    drift = orbits.terms.NonGravitational.yarkovsky(-2.9e-14 * u.au / u.day**2, bodies=["99942"])
-    system = orbits.System.in_ephemeris(epoch=day).add("99942", q=q * u.au, v=v * u.au / u.day).with_forces(drift)
+    system = orbits.System.in_ephemeris(epoch=day).add("99942", q=q * u.au, v=v * u.au / u.day)
     observations = Observations.bundled("apophis")
     some = observations[(observations.kind != "optical") & (abs(observations.time - system.epoch) < 60 * u.day)]
     echoes, arc = Echoes(some.records, some.time, system.epoch, 0.0), Arc(system, "99942")
@@ -142,9 +147,9 @@ def test_radar_that_is_rejected_is_told():
     values = 1e-6 * seen.value + [0.0, 0.0, 5e-4, 0.0]
     radar = Observations(tuple(one._replace(value=x) for one, x in zip(given.records, values, strict=True)))
     with pytest.warns(OrbitsWarning, match=r"1 of 4 delays, by up to \d+ us .chi-squared [0-9e+.]+") as told:
-        fit = orbits.fit(observed(np.zeros((120, 2))) + radar, start())
+        fit = orbits.fit(observed(np.zeros((60, 2)), 2.0) + radar, start())
     assert "Does it lack a force, such as parameters=" in str(told[0].message)
-    assert np.flatnonzero(~fit.used).tolist() == [122]
+    assert np.flatnonzero(~fit.used).tolist() == [62]
     assert "4 delays, 1 rejected, RMS 0." in repr(fit)
     assert "4 delays, 1 rejected" in fit.plot().axes[0].get_title(loc="left")
     of_radar = of_residuals(fit.residuals[fit.residuals["kind"] == "delay"], "radar alone")

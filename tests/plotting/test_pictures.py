@@ -81,11 +81,8 @@ def drawn(name):
     return PICTURES[name]()
 
 
-EACH_KIND = (
-    *("a year", "40 years back", "1e6 years", "metres", "one body", "long names", "many asteroids"),
-    *("a system of thirty", "a report"),
-)
-"""Of each kind of time axis, map and legend one picture; the others differ from these in little."""
+EACH_KIND = ("40 years back", "one body", "long names", "many asteroids", "a report")
+"""Of each kind of map and legend one picture; the others differ from these in little."""
 
 
 @pytest.mark.parametrize("name", only(EACH_KIND, PICTURES))
@@ -193,7 +190,7 @@ def test_a_report_of_a_long_run_is_in_years_and_of_one_back_in_time_says_so():
 NAME_OF_A_METHOD = "Wisdom–Holman, democratic–heliocentric, standard, corrector 17, follow, dt = 12.5 d; " * 2
 
 
-@pytest.mark.parametrize("kind", ["paths", "elements", "phase"])
+@pytest.mark.parametrize("kind", only(["phase"], ["paths", "elements", "phase"]))
 def test_a_long_title_is_broken_into_lines_that_end_before_the_next_panel(kind):
     figure = seen.laid_out(physical(365.25).plot(kind, title=NAME_OF_A_METHOD))
     assert seen.outside(figure) == []

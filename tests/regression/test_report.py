@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import struct
 from io import StringIO
 
 import numpy as np
@@ -13,7 +14,6 @@ from orbits.errors import InputError
 from orbits.json_text import json_text
 from orbits.regression.report import Row, Series
 
-from ..coverings import first
 from .reports import NINE, TIMES, make
 
 MANY = [*NINE, *(f"{i} Asteroid of some length" for i in range(1, 301))]
@@ -120,23 +120,24 @@ def test_a_note_that_names_its_method_is_not_headed_by_it_once_more():
     assert lines == [*notes[:2], "REBOUND whfast: it needs a Sun."]
 
 
-@pytest.mark.parametrize("length_unit", first(1, ["km", ""]))
-def test_the_picture_is_1600_by_1000(tmp_path, length_unit):
-    from matplotlib.image import imread
+def size(picture):
+    return struct.unpack(">II", picture.read_bytes()[16:24])
 
-    path = make(NINE, NINE, length_unit=length_unit).plot(tmp_path / "report.png")
-    assert imread(path).shape[:2] == (1000, 1600)
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("length_unit", ["km", ""])
+def test_the_picture_is_1600_by_1000(tmp_path, length_unit):
+    assert size(make(NINE, NINE, length_unit=length_unit).plot(tmp_path / "report.png")) == (1600, 1000)
 
 
 def test_a_picture_without_anything_measured_is_still_a_picture(tmp_path):
     row = Row("Gauss", "ours", "not judged", series=Series(*(np.full(11, np.nan) for _ in range(3))))
-    assert make(NINE, NINE, rows=(row,)).plot(tmp_path / "report.png").exists()
+    assert size(make(NINE, NINE, rows=(row,)).plot(tmp_path / "report.png")) == (1600, 1000)
 
 
 def test_an_unwritable_path_is_refused_in_words(tmp_path):
     report = make(NINE, NINE)
-    for write in (report.to_json, report.plot):
-        with pytest.raises(InputError, match="cannot write"):
-            write(tmp_path / "no such folder" / "report.png")
+    with pytest.raises(InputError, match="cannot write"):
+        report.to_json(tmp_path / "no such folder" / "report.png")
     with pytest.raises(InputError, match="cannot write"):
         report.plot(tmp_path / "report.unknown-format")

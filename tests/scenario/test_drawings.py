@@ -53,6 +53,7 @@ def kepler():
     return scenario.draw(Outcome(scenario=scenario, folder=None, cases={case.name: case}))
 
 
+@pytest.mark.nightly
 def test_keplers_pictures_name_methods_in_words_and_explain_their_lines(kepler):
     for figure in kepler.values():
         assert nothing_overlaps(figure)

@@ -9,7 +9,6 @@ import struct
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -500,8 +499,8 @@ def test_pictures_and_checks_of_another_kind_are_refused_in_words(tmp_path, wron
 
 
 def test_what_is_not_conserved_is_null_in_the_report_and_not_a_word_that_json_does_not_have(tmp_path):
-    fading = pair().system.with_forces(orbits.terms.MassLoss(fraction=-1e-3))
-    perform(pair(system=fading, dt=None), out=tmp_path, plot=False)
+    driven = orbits.System.in_ephemeris(epoch="2013-01-30").add("rock", primary="Sun", a=1.5 * u.au, e=0.1)
+    perform(pair(system=driven, integrators=[orbits.Gauss(stages=8)], dt=None), out=tmp_path, plot=False)
 
     def refused(word):
         pytest.fail(f"{word} is no JSON")
@@ -601,7 +600,7 @@ def test_a_scenario_of_the_docs_length_is_found_by_its_path(tmp_path):
     )
     outcome = perform(load(str(path)), out=tmp_path / "out")
     assert outcome.ok
-    assert {p.name for p in outcome.files} == {"run.h5", "run.png", "report.json"}
+    assert set(outcome.files) == {tmp_path / "out" / name for name in ("run.h5", "run.png", "report.json")}
 
 
 @pytest.mark.parametrize(
@@ -687,7 +686,3 @@ def test_whatever_an_archive_says_of_an_integrator_is_built_or_refused(parameter
         built = integrators.build({"name": "gauss", "parameters": parameters})
         assert built == orbits.Gauss(**parameters)
 
-
-def test_paths_of_outcomes_are_below_the_folder(tmp_path):
-    outcome = perform(pair(), out=tmp_path)
-    assert all(Path(p).parent == tmp_path for p in outcome.files)

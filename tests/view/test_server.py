@@ -157,6 +157,22 @@ def test_a_file_that_is_no_archive_is_said(tmp_path: Path) -> None:
     assert "does not exist; expected an archive" in out.output
 
 
+def test_ctrl_c_is_its_end_in_words(archive: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    serve = ViewServer.serve_forever
+
+    def interrupted(server: ViewServer, *given: float, **options: float) -> None:
+        threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+        serve(server, *given, **options)
+
+    monkeypatch.setattr(ViewServer, "serve_forever", interrupted)
+    out = CliRunner().invoke(app, ["view", str(archive), "--no-browser"])
+    assert out.exit_code == 0
+    assert "is shown at http://127.0.0.1:" in out.output
+    assert out.stdout.endswith("stopped\n")
+    assert out.stderr == ""
+
+
+@pytest.mark.nightly
 def test_ctrl_c_ends_it_cleanly(archive: Path) -> None:
     command = [sys.executable, "-m", "orbits", "view", str(archive), "--no-browser"]
     running = subprocess.Popen(
