@@ -13,7 +13,8 @@ settings.register_profile("nightly", max_examples=1000, deadline=None, derandomi
 settings.load_profile("few")
 
 # The commands of the command line are built once, not anew for each of a thousand calls, which took as long as most do.
-typer.testing._get_command = functools.cache(typer.testing._get_command)
+if hasattr(typer.testing, "_get_command"):
+    typer.testing._get_command = functools.cache(typer.testing._get_command)
 
 
 def pytest_configure() -> None:

@@ -127,7 +127,10 @@ def size(picture):
 @pytest.mark.nightly
 @pytest.mark.parametrize("length_unit", ["km", ""])
 def test_the_picture_is_1600_by_1000(tmp_path, length_unit):
-    assert size(make(NINE, NINE, length_unit=length_unit).plot(tmp_path / "report.png")) == (1600, 1000)
+    report = make(NINE, NINE, length_unit=length_unit)
+    assert size(report.plot(tmp_path / "report.png")) == (1600, 1000)
+    with pytest.raises(InputError, match="cannot write"):
+        report.plot(tmp_path / "no such folder" / "report.png")
 
 
 def test_a_picture_without_anything_measured_is_still_a_picture(tmp_path):

@@ -685,4 +685,3 @@ def test_whatever_an_archive_says_of_an_integrator_is_built_or_refused(parameter
     with contextlib.suppress(OrbitsError):
         built = integrators.build({"name": "gauss", "parameters": parameters})
         assert built == orbits.Gauss(**parameters)
-
