@@ -15,7 +15,7 @@ from orbits.elements import elements_from_state, state_from_elements
 from ..coverings import each
 
 TURN = 2.0 * np.pi
-N = 1000
+N = 300
 
 
 def error(got: tuple[np.ndarray, np.ndarray], expected: tuple[np.ndarray, np.ndarray]) -> float:

@@ -18,7 +18,7 @@ from orbits.marching.legs.leg import Leg
 from orbits.tableaux.correctors import PAIRS, corrector, corrector_lengths
 
 from ..contracts.problems import march
-from ..coverings import cover
+from ..coverings import at, cover
 from ..problems import three_bodies
 
 DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)
@@ -122,7 +122,7 @@ def kepler(q, v, mu, h):
     return f * q + g * v, -mu * g1 / (r0 * r) * q + (1 - mu * g2 / r) * v
 
 
-@pytest.mark.parametrize("method", [PLAIN, CORRECTED, DEFAULT], ids=lambda method: method.label)
+@pytest.mark.parametrize("method", at((0, 2), [PLAIN, CORRECTED, DEFAULT]), ids=lambda method: method.label)
 def test_three_steps_equal_the_plain_path_in_forty_digits(method):
     gm, q, v = three_bodies()
     got = march(method, gm, q, v, 0.125, 3)

@@ -119,6 +119,7 @@ def test_minor_bodies_move_as_rebounds_test_particles_of_type_1():
     assert np.abs(other.q[-1].value - run.q[-1].value).max() > 1e-6
 
 
+@pytest.mark.nightly
 def test_massless_particles_feel_minor_bodies_too():
     made = system().add("probe", q=[1.3, 0.2, 0.05], v=[0.1, 0.8, 0.0])
     lone = system(minor=()).add("probe", q=[1.3, 0.2, 0.05], v=[0.1, 0.8, 0.0])
