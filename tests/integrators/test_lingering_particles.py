@@ -52,4 +52,4 @@ def test_every_passage_of_particles_within_the_reach_of_a_planet_is_listed(name,
         for k, particle in np.argwhere(turned & near):
             assert (particle + 2, 1, k) in listed
             found += 1
-    assert found > 100
+    assert found > 50

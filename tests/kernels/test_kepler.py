@@ -83,7 +83,7 @@ def worst_ratio(e, step, rng, count):
     for _ in range(count):
         state, dt = start(e, rng), time(e, step, rng)
         (end,) = moved(state[:, None], 1.0, dt).T
-        error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], 1.0, dt, end[:3], end[3:])
+        error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], 1.0, dt, end[:3], end[3:], BOUND)
         ratios.append(max(error_q / condition_q, error_v / condition_v))
     return max(ratios)
 
@@ -95,7 +95,7 @@ BOUND = 4.0
 @pytest.mark.parametrize("e", ECCENTRICITIES)
 def test_flow_of_every_conic_is_within_a_few_times_what_rounding_its_input_does(e):
     rng = np.random.default_rng(int(1e6 * min(e, 1000.0)) + 1)
-    some = STEPS[ECCENTRICITIES.index(e) % 6 :: 6]  # each of them with two eccentricities or three; all of them are slow
+    some = STEPS[ECCENTRICITIES.index(e) % 6 :: 6]  # each of them with two eccentricities or three; all are slow
     assert max(worst_ratio(e, step, rng, 1) for step in some) <= BOUND
 
 
@@ -121,7 +121,7 @@ def test_flow_holds_for_any_conic_step_and_unit(e, exponent, scale, seed):
     state[3:] *= speed
     dt *= length / speed
     (end,) = moved(state[:, None], gm, dt).T
-    error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], gm, dt, end[:3], end[3:])
+    error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], gm, dt, end[:3], end[3:], BOUND)
     assert error_q <= BOUND * condition_q
     assert error_v <= BOUND * condition_v
 
