@@ -15,7 +15,7 @@ from ..coverings import first
 GM = np.array([1.0, 2e-5, 1e-5, 3e-5, 5e-6, 7e-6, 1e-5, 2e-5, 4e-5, 1e-5, 6e-6])
 MINOR = {1, 4, 5, 7, 8, 9}
 METHODS = {
-    "gauss": {"integrator": orbits.Gauss(stages=4), "dt": 0.05},
+    "gauss": {"integrator": orbits.Gauss(stages=4), "dt": 1 / 16},
     "stormer-verlet": {"integrator": orbits.StormerVerlet(), "dt": 0.01},
     "no dt": {},
 }

@@ -257,6 +257,7 @@ def evaluate_stages(tag, parameters, times, q, v, f, p, hessian, value):
     evaluate_canonical(tag, parameters, load(times, 0), q, v, f, p, hessian, value)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("terms", at((1,), SUMS.values()), ids=SUMS)
 def test_stages_in_lanes_and_vectors_give_the_same_numbers(terms):
     L = n_body(GM, 0.1, terms(len(GM)))
