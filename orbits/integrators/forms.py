@@ -17,6 +17,7 @@ from orbits.kernels.lanes import WIDTH
 Array = NDArray[np.float64]
 
 
+@lru_cache(maxsize=256)
 def padded(count: int) -> int:
     """Return the length of a vector of `count` numbers with padding, so that lanes may read and write past its end."""
     return (count + WIDTH - 1) // WIDTH * WIDTH + WIDTH

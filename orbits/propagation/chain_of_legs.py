@@ -152,7 +152,7 @@ class ChainOfLegs(March):
             return
         if contacts is not None:
             contacts.forget()
-            touched = None if leg.home.met is None else End.of(leg.home)
+            touched = None if leg.home.bounds.met is None else End.of(leg.home)
         if touched is not None:
             step_back(leg)
         self.found = self._events.after(leg) if self._seeks else None

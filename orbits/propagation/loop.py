@@ -154,10 +154,11 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
                 failure = error
             finally:
                 bar.close()
+        evaluations, of_particles = marcher.home.stepper.counts()
         statistics = Statistics(
             steps=marcher.step,
-            evaluations=marcher.home.stepper.evaluations,
-            particle_evaluations=marcher.home.stepper.particle_evaluations,
+            evaluations=evaluations,
+            particle_evaluations=of_particles,
             wall_time=time.perf_counter() - compiled,
             compile_time=compiled - begun,
         )
@@ -183,10 +184,11 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         trajectory._excursions = Excursions.of(system, grid.clock, *excursions)
     if marcher.changed:
         trajectory._kept = None  # steps are of the bodies of the start
-    elif not grid.clock.changes:
-        trajectory._record = marcher.current.record(observed_until(trajectory))
-    elif trajectory._place is None:  # in memory, or its archive is no longer there
-        trajectory._ended = marcher.current.problem.approaches, marcher.current.checkpoint_at_end()
+    else:
+        leg = marcher.home
+        trajectory._record = leg.way.record_at_once(marcher.current, observed_until(trajectory))
+        if trajectory._record is None and trajectory._place is None:  # in memory, or its archive is no longer there
+            trajectory._ended = leg.problem.approaches, leg.checkpoint_at_end()
     yield None
     try:
         with StopRequest() as late:
@@ -291,10 +293,12 @@ def _sample(
     while index < goals:
         if stop.name:
             return False
-        if marcher.is_before(places.at(index)):
+        place = places.at(index)
+        if marcher.is_before(place):
             room = 1 if alone or index < singly else max(store.room, 1)
             last = index + marcher.samples.together(places.between(index, min(index + room, goals)))
-            place = places.at(last - 1)
+            if last > index + 1:
+                place = places.at(last - 1)
             yield place
             failure: IntegrationError | None = None
             try:
@@ -311,15 +315,16 @@ def _sample(
                     continue
             step = marcher.step
             found = watch.after()  # with a failure, in the steps before it
+            steps = marcher.step
             if found is not None:
                 early = (grid.times[index : index + passed] - found.time) * grid.direction < 0.0
                 passed = int(np.count_nonzero(early))
-            elif marcher.step != step:
+            elif steps != step:
                 passed = min(passed, marcher.samples.passed(places.between(index, index + passed)))
             if passed:
                 store.add(q[:passed], v[:passed], marcher.samples.accounts()[:passed])
                 index += passed
-            bar.update(marcher.time, marcher.step)
+            bar.update(marcher.time, steps)
             if failure is not None and found is None:
                 raise failure
             if stop.name or watch.interrupted(found) or watch.ended():

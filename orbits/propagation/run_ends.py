@@ -66,7 +66,7 @@ class RunEnds:
             self.note(float(row[TIME]), (bodies.q, bodies.v), f"{names}: collision", event)
             return True
         watched = self.conditions.energy < np.inf
-        found = self.conditions.exceeded() if watched and marcher.current.last.met == ENERGY else None
+        found = self.conditions.exceeded() if watched and marcher.current.last.bounds.met == ENERGY else None
         found = found or self.conditions.overdue(time.perf_counter() - self.begun)
         if found is None and self.deadline is not None and self.deadline.over:
             found = self.deadline.words, WallTimeOver(self.deadline.seconds)
@@ -75,13 +75,12 @@ class RunEnds:
         return found is not None
 
     def at_end(self, end: float) -> None:
-        """Note a condition on the ends of steps that holds at the end of the run, if its last step is chosen to end
-        there.
-        """
-        if self.conditions.energy < np.inf and self.marcher.home.times.end_anywhere:
+        """Note a condition on the ends of steps that holds at the end of the run, if it lies within a step."""
+        home = self.marcher.home
+        if self.conditions.energy < np.inf and home.time != end:
             with suppress(IntegrationError):
-                last = within_step.ended_at(self.marcher.home, end)
-                if last.met == ENERGY:
+                last = within_step.ended_at(home, end)
+                if last.bounds.met == ENERGY:
                     self.note(last.time, last.state(), *self.conditions.exceeded())
 
     def interrupted(self, found: Found | None) -> bool:

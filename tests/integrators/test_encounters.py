@@ -109,7 +109,7 @@ def test_a_march_stops_after_the_step_in_which_a_pair_comes_to_its_bound():
     for gm in ((0.999, 0.001), (1.0, 0.0)):
         run, plain = ellipse(0.6, 0.04, gm, ends=Ends(stops)), ellipse(0.6, 0.04, gm)
         run.advance(1000)
-        assert run.met == SUSPECT
+        assert run.bounds.met == SUSPECT
         for _ in range(run.step - 1):
             plain.advance(1)
         assert np.linalg.norm(np.diff(plain.state()[0], axis=0)) >= 0.5
@@ -124,7 +124,7 @@ def test_a_march_stops_where_a_pair_was_closer_within_a_step():
     run = marcher([1e-12, 0.0], [[0, 0, 0], [-10.0, 0.01, 0]], [[0, 0, 0], [1.0, 0, 0]], 3.0, ends=Ends(stops))
     run.advance(8)
     assert run.step == 4
-    assert run.met == SUSPECT
+    assert run.bounds.met == SUSPECT
 
 
 def test_a_march_stops_where_a_particle_is_farther():
@@ -150,4 +150,4 @@ def test_a_run_ends_where_the_energy_error_exceeds_a_bound():
         count += 1
     run.advance(10**6)
     assert run.step == count
-    assert run.met == ENERGY
+    assert run.bounds.met == ENERGY

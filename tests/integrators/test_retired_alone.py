@@ -55,7 +55,7 @@ def test_a_retired_particle_meets_no_condition():
     run = struck(ends=Ends(np.array([[FARTHER, -1.0, 0.0, 1000.0**2]])))
     run.advance(150)
     assert [lost.body for lost in run.retired()] == [2]
-    assert run.met is None
+    assert run.bounds.met is None
     assert run.step == 150
 
 

@@ -62,6 +62,18 @@ def test_a_run_ends_when_its_energy_error_exceeds_a_bound(system):
     assert 1e-6 < change < 1.2e-6
 
 
+def test_an_energy_error_at_the_end_of_a_run_within_a_step_is_told():
+    bodies = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0]], [[0.0, 0.0, 0.0], [0.0, 3.0**0.5, 0.0]]
+    pair = orbits.System(["a", "b"], [1.0, 1e-3], *bodies, units=orbits.DIMENSIONLESS).barycentric()
+    options = {"dt": 0.04, "duration": 0.47, "samples": [0.0, 0.44, 0.47], "check_step": False}
+    _, step, end = abs(orbits.propagate(pair, orbits.StormerVerlet(), **options).energy() / pair.energy() - 1)
+    assert step < 0.99 * end  # which the condition tells apart
+    for bound, met in (((step + end) / 2, True), (1.01 * end, False)):
+        run = orbits.propagate(pair, orbits.StormerVerlet(), stop=orbits.events.EnergyErrorAbove(bound), **options)
+        assert (run.stopped is not None) == met
+        assert not met or run.stopped.time == run.times[-1] == 0.47
+
+
 def test_a_run_ends_when_the_clock_says_so(system):
     run = orbits.propagate(
         system, GAUSS, dt=6 * u.day, duration=1e6 * u.yr, samples=2, stop=orbits.events.WallTimeOver(0.05 * u.s)

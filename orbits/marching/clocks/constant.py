@@ -216,6 +216,10 @@ class ConstantSteps(Clock):
         """Return the state of the clock for compiled code, after `steps` steps of a march that began at `start`."""
         return np.array([start, float(steps), self.h])
 
+    def begin(self, start: float, step: int) -> float:
+        """Return the time at which a step begins of a march that began at `start`."""
+        return start + float(self.time(step))
+
     def step_times(self, start: float) -> GridTimes:
         """Return what tells a leg that begins at `start` when its steps are."""
         return GridTimes(self, start)
@@ -259,14 +263,10 @@ class GridTimes(StepTimes):
         super().__init__(clock, start)
         self._count = 0
 
-    def at(self, step: int) -> float:
-        """Return the time at which a step begins."""
-        return self.start + float(self.clock.time(step))
-
     @property
     def time(self) -> float:
         """The time reached, since the start of the run."""
-        return self.at(self.step)
+        return self.clock.begin(self.start, self.step)
 
     @property
     def reading(self) -> float:
@@ -283,14 +283,10 @@ class GridTimes(StepTimes):
 
     def failed_at(self, numbers: Array, done: int) -> float:
         """Return the time at which a step began that failed, after `done` steps of a block."""
-        return self.at(self.step + done)
-
-    def is_before(self, place: Place) -> bool:
-        """Return whether there are whole steps left before a place."""
-        return self.step < place.steps
+        return self.clock.begin(self.start, self.step + done)
 
     def most(self, place: Place) -> int:
-        """Return how many steps there are before a place."""
+        """Return how many steps there are before a place; negative behind it."""
         return place.steps - self.step
 
     def note(self, count: int, numbers: Array) -> None:
@@ -312,7 +308,7 @@ class GridTimes(StepTimes):
     def pairs(self) -> Array:
         """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
         times = np.zeros((self._count + 1, 2))
-        times[0, 0] = self.at(self.step - self._count)
+        times[0, 0] = self.clock.begin(self.start, self.step - self._count)
         times_reached(self.lengths(), np.zeros(self._count), times)
         return times
 
@@ -358,16 +354,12 @@ class GridTimes(StepTimes):
 
     def behind(self, places: Places) -> Behind:
         """Return where places in the last block lie behind the beginnings of its steps."""
-        return self._behind(places, self.step - self._count)
-
-    def _behind(self, places: Places, first: int) -> Behind:
-        begun = self.start + np.asarray(self.clock.time(places.steps.astype(np.float64)))
-        return Behind(places.steps - first, begun, places.rests)
+        return _behind(self, places, self.step - self._count)
 
     def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
         """Return the state of the leg, and where the places before its next step lie behind it."""
         count = int(np.searchsorted(places.steps, self.step + 1))
-        return leg.stepper.state, self._behind(places.between(0, count), self.step)
+        return leg.stepper.state, _behind(self, places.between(0, count), self.step)
 
     def way(self, time: float) -> Way:
         """Return one step to that time."""
@@ -380,6 +372,12 @@ class GridTimes(StepTimes):
     def reading_in_part(self, reading: Any, time: float) -> Any:
         """Return the reading of this clock for one of a leg that covers the part of a step up to a time."""
         return self.step + (time - self.time) / self.clock.h * reading
+
+
+def _behind(times: GridTimes, places: Places, first: int) -> Behind:
+    """Return where places lie behind the beginnings of steps, counted from the `first` one."""
+    begun = times.start + np.asarray(times.clock.time(places.steps.astype(np.float64)))
+    return Behind(places.steps - first, begun, places.rests)
 
 
 def clock_of(step: float | Clock) -> Clock:

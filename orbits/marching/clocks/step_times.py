@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,11 +48,9 @@ class StepTimes:
     clock : of the leg; start : the time at which it begins
     step : whole steps taken; counted after each block
     arrived : whether the last block ended before a step that would pass its limit
-    end_anywhere : whether the leg itself can end within a step, though it cannot go on from there
     """
 
     arrived = False
-    end_anywhere: ClassVar[bool] = False
 
     def __init__(self, clock: Clock, start: float) -> None:
         self.clock, self.start, self.step = clock, start, 0
@@ -89,13 +87,9 @@ class StepTimes:
     def aim(self, place: Place) -> None:
         """Let the next blocks lead up to a place, and not beyond."""
 
-    def is_before(self, place: Place) -> bool:
-        """Return whether there may be whole steps left before a place."""
-        raise NotImplementedError
-
     def most(self, place: Place) -> int:
-        """Return how many steps there are at the most before a place."""
-        return UNLIMITED
+        """Return how many whole steps there are at the most before a place; 0 or less if there is none."""
+        raise NotImplementedError
 
     def note(self, count: int, numbers: Array) -> None:
         """Take note of a block of `count` steps of the leg that was just marched, and of its lengths."""

@@ -212,17 +212,11 @@ class TimeTransformed(ChangingSteps):
 class TransformedTimes(ChosenTimes):
     """When steps of transformed time are, whose lengths come out in doubled precision."""
 
-    _low = np.zeros(0)
-
     def note(self, count: int, numbers: Array) -> None:
         """Take note of a block of `count` steps, and of its lengths with their low parts."""
         super().note(count, numbers)
         first = 2 * (self._block + 1)
-        self._low = self._room[first : first + count].copy()
-
-    def _lows(self) -> Array:
-        """Return the low parts of the lengths of the steps of the last block."""
-        return self._low[: len(self._lengths)]
+        self._lows = self._room[first : first + count].copy()
 
 
 def rounding_amplified(strength: Array, q: Array, v: Array) -> Array:

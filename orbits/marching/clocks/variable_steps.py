@@ -23,7 +23,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Behind, Place, Places, StepTimes, Way
+from orbits.marching.clocks.step_times import UNLIMITED, Behind, Place, Places, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10
 """The state of such a clock: the time reached, in doubled precision; the last step; the direction 1 or -1; the time
@@ -166,14 +166,13 @@ class ChosenTimes(StepTimes):
     """When steps that are chosen one by one are: their readings are times, in the array `clock` of the leg's state."""
 
     clock: ChangingSteps
-    end_anywhere: ClassVar[bool] = True
     _now: Array
 
     def bind(self, state: Mapping[str, Array], room: Array, block: int) -> None:
         """Take the arrays of the leg; room : the workspace of the clock for blocks of `block` steps."""
         self._now, self._room, self._block = state["clock"], room, block
         room[since(block)] = self.start
-        self._begun, self._lengths = np.zeros(2), np.zeros(0)
+        self._begun, self._lengths, self._lows = np.zeros(2), np.zeros(0), np.zeros(0)
 
     @property
     def time(self) -> float:
@@ -203,21 +202,21 @@ class ChosenTimes(StepTimes):
         """Let the next blocks lead up to a place: no step passes this time."""
         self._now[LIMIT] = place.rest
 
-    def is_before(self, place: Place) -> bool:
-        """Return whether there may be whole steps left before a place."""
+    def most(self, place: Place) -> int:
+        """Return 0 if there are no whole steps left before a place; nobody knows how many there may be."""
         now, goal = self._now, place.rest
         if goal == now[TIME] or (self.arrived and now[LIMIT] == goal):
-            return False
-        return bool((goal - now[NEXT]) * self.clock.direction >= 0.0)
+            return 0
+        return UNLIMITED if (goal - now[NEXT]) * self.clock.direction >= 0.0 else 0
 
     def note(self, count: int, numbers: Array) -> None:
         """Take note of a block of `count` steps, and of its lengths: copies of the leg use the same workspace."""
         self._begun[:] = numbers[ORIGIN], self._begun_lo
-        self._lengths = self._room[self._block + 1 : self._block + 1 + count].copy()
+        self._lengths, self._lows = self._room[self._block + 1 : self._block + 1 + count].copy(), np.zeros(count)
 
     def forget(self) -> None:
         """Take note that there is no last block."""
-        self.arrived, self._lengths = False, np.zeros(0)
+        self.arrived, self._lengths, self._lows = False, np.zeros(0), np.zeros(0)
         self._begun[:] = self._now[[TIME, TIME_LO]]
 
     def lengths(self) -> Array:
@@ -233,12 +232,8 @@ class ChosenTimes(StepTimes):
     def pairs(self) -> Array:
         """Return the same times, each as the sum of two numbers, (steps + 1, 2)."""
         times = np.full((len(self._lengths) + 1, 2), self._begun)
-        times_reached(self._lengths, self._lows(), times)
+        times_reached(self._lengths, self._lows, times)
         return times
-
-    def _lows(self) -> Array:
-        """Return the low parts of the lengths of the steps of the last block: they are as the clock chose them."""
-        return np.zeros(len(self._lengths))
 
     def steps_in_block(self, readings: Array) -> NDArray[np.int64]:
         """Return the steps of the block just marched in which times lie, counted from 0."""
@@ -252,7 +247,7 @@ class ChosenTimes(StepTimes):
 
     def is_at(self, place: Place) -> bool:
         """Return whether its time is the one reached."""
-        return place.rest == self.time
+        return bool(place.rest == self._now[TIME])
 
     def ahead(self, offset: float) -> Place:
         """Return the place of a time after the one reached."""
@@ -283,11 +278,7 @@ class ChosenTimes(StepTimes):
         """Return where times in the last block lie behind the beginnings of its steps."""
         ends, direction = self.pairs(), self.clock.direction
         steps = np.searchsorted(ends[:, 0] * direction, places.rests * direction, side="right") - 1
-        return self._behind(places, steps, ends)
-
-    def _behind(self, places: Places, steps: NDArray[np.intp], ends: Array) -> Behind:
-        times, (begun, begun_lo) = places.rests, ends[steps].T
-        return Behind(steps, self.start + begun, np.where(times == begun, 0.0, (times - begun) - begun_lo))
+        return _behind(self.start, places, steps, ends)
 
     def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
         """Return the state at the beginning of the first step, beyond the whole steps taken, in which there are some of
@@ -308,7 +299,7 @@ class ChosenTimes(StepTimes):
         finally:
             leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
         count = max(count, 1)
-        return begun, self._behind(places.between(0, count), np.zeros(count, dtype=np.intp), ends)
+        return begun, _behind(self.start, places.between(0, count), np.zeros(count, dtype=np.intp), ends)
 
     def way(self, time: float) -> Way:
         """Return the steps of the clock, which goes on."""
@@ -331,3 +322,9 @@ class ChosenTimes(StepTimes):
     def reading_in_part(self, reading: Any, time: float) -> Any:
         """Return the reading of this clock for one of a leg that covers the part of a step up to a time: the same."""
         return reading
+
+
+def _behind(start: float, places: Places, steps: NDArray[np.intp], ends: Array) -> Behind:
+    """Return where times lie behind the beginnings of steps, which are at `ends` of a clock that begins at `start`."""
+    times, (begun, begun_lo) = places.rests, ends[steps].T
+    return Behind(steps, start + begun, np.where(times == begun, 0.0, (times - begun) - begun_lo))

@@ -44,9 +44,9 @@ class BlockLoop:
         # No circle of references: the arrays of a leg, of megabytes, are free as soon as the leg is.
         self._leg: Leg = proxy(leg)
         self.watchers = watchers
-        self._limiting, self._forgetting, self._seeing, self._looking, self._committing = (
+        self._limiting, self._forgetting, self._seeing, self._looking, self._committing = [
             [watchers[k] for k in having] for having in _having_hooks(*map(type, watchers))
-        )
+        ]
         self.listeners: list[LegWatcher] = []
         self.begun: State = {}
         self.taken = 0
@@ -62,7 +62,7 @@ class BlockLoop:
         """March on by a block of at most `most` steps, and return their number. Raises the error for the step that
         cannot be taken, or for what watchers found there; the state is then that before this step.
         """
-        leg, begun = self._leg, self._leg.step
+        leg, begun = self._leg, self._leg.times.step
         self._back_up()
         try:
             last = self._attempt(most)
@@ -78,7 +78,7 @@ class BlockLoop:
             error = error or self._failure_of_next_step() or last.error
         if error is not None:
             raise error
-        return leg.step - begun
+        return leg.times.step - begun
 
     def _attempt(self, most: int) -> Interruption | None:
         """March on by at most `most` steps, up to the earliest of what watchers find; return that, if any."""
@@ -154,7 +154,7 @@ class BlockLoop:
         copy : of the state, to be marched in its place
         """
         leg = self._leg
-        stepper, observers, begun = leg.stepper, leg.observers, leg.step
+        stepper, observers, begun = leg.stepper, leg.observers, leg.times.step
         state, before = (stepper.state, self.begun) if copy is None else (copy, stepper.state)
         self._forget()
         numbers = leg.times.numbers(state, leg.clock)

@@ -111,20 +111,6 @@ class Leg(March):
         return self.times.time
 
     @property
-    def reading(self) -> float:
-        """The reading of the clock: whole steps, or the time."""
-        return self.times.reading
-
-    @property
-    def met(self) -> int | None:
-        """Why the last block ended, see `Bounds`."""
-        return self.bounds.met
-
-    @met.setter
-    def met(self, why: int | None) -> None:
-        self.bounds.met = why
-
-    @property
     def home(self) -> Leg:
         """The leg itself, whose clock the march has, which marches now, and marched the last block."""
         return self
@@ -133,7 +119,7 @@ class Leg(March):
 
     def is_before(self, place: Place) -> bool:
         """Return whether there may be whole steps left before a place."""
-        return self.times.is_before(place)
+        return self.times.most(place) > 0
 
     # ---------------------------------------------------------------------------------------------- the march
 
@@ -229,19 +215,13 @@ class Leg(March):
         seen : with q, v and their low parts as they are seen, for methods that march other variables
         """
         whole = {**self.stepper.state, **self.as_seen()} if seen else self.stepper.state
-        return _with_passages(self._arrays(whole), self.listing.passages)
+        return _with_passages(_arrays(self, whole), self.listing.passages)
 
     def checkpoint_at_end(self) -> Callable[[], dict[str, NDArray[np.generic]]]:
         """Return what returns the checkpoint of a leg that is marched no more: few ask for it, and putting passages in
         order takes longer than copies.
         """
-        return partial(_with_passages, self._arrays(self.stepper.state), self.listing.passages)
-
-    def _arrays(self, state: State) -> dict[str, NDArray[np.generic]]:
-        """Return copies of all that a checkpoint holds, but for the passages."""
-        counts = np.array([self.step, *self.stepper.counts()], dtype=np.int64)
-        copies = {name: array.copy() for name, array in state.items()}
-        return {"counts": counts, **copies, **self.losses.retired.checkpoint()}
+        return partial(_with_passages, _arrays(self, self.stepper.state), self.listing.passages)
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]], *, seen: bool = False) -> None:
         """Restore a checkpoint of a leg of the same problem. Raises InputError if it belongs to another one.
@@ -273,6 +253,13 @@ class Leg(March):
     def close(self) -> None:
         """Release the threads."""
         self.stepper.loops.close()
+
+
+def _arrays(leg: Leg, state: State) -> dict[str, NDArray[np.generic]]:
+    """Return copies of all that the checkpoint of a leg holds, but for the passages."""
+    counts = np.array([leg.step, *leg.stepper.counts()], dtype=np.int64)
+    copies = {name: array.copy() for name, array in state.items()}
+    return {"counts": counts, **copies, **leg.losses.retired.checkpoint()}
 
 
 def _with_passages(

@@ -134,7 +134,7 @@ class EnergyBound(LegWatcher):
         step = leg.observers.first_energy_error(count, self.start, self._most * abs(self.start))
         if step > count:
             return None
-        leg.met = ENERGY
+        leg.bounds.met = ENERGY
         return Interruption(step, Kind.BOUND)
 
 

@@ -46,4 +46,4 @@ def in_next_steps(march: Legs, time: float, read: Callable[[], T | None]) -> T |
         return found
     finally:
         march.restore(kept)
-        loop.listeners, march.last.met = listeners, None
+        loop.listeners, march.last.bounds.met = listeners, None

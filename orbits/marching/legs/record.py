@@ -53,7 +53,7 @@ def seen_by(leg: Leg, *, noting_end: bool = True) -> Record:
     if leg.problem.approaches:
         closest = approaches(leg) if noting_end else leg.stepper.state["approaches"].copy()
     listed, reaches = leg.listing.passages, leg.observers.listed_within[: len(leg.problem.bodies)].copy()
-    return Record(closest, listed.passages, listed.left_out, leg.observers.dominant, reaches, leg.reading)
+    return Record(closest, listed.passages, listed.left_out, leg.observers.dominant, reaches, leg.times.reading)
 
 
 def record(leg: Leg, end: float) -> Record:
@@ -63,10 +63,9 @@ def record(leg: Leg, end: float) -> Record:
     with suppress(IntegrationError):  # where the run itself failed
         if (end - leg.time) * leg.clock.direction > 0.0:  # it was stopped behind its last sample
             leg.advance_to(leg.clock.place(end))
-            if leg.times.end_anywhere:
-                within_step.end_at(leg, end)
+            within_step.end_at(leg, end)
     known = seen_by(leg)
-    if leg.times.end_anywhere or not 0.0 < (end - leg.time) / leg.clock.h < 1.0:
+    if not 0.0 < (end - leg.time) / leg.clock.h < 1.0:
         return known
     try:
         part = seen_by(within_step.ended_at(leg, end))

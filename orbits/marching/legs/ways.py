@@ -23,7 +23,9 @@ from orbits.marching.watching.leg_observers import Observers
 from orbits.marching.watching.passage_list import BlockList
 
 if TYPE_CHECKING:
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.marching.legs.leg import Leg
+    from orbits.marching.legs.record import Record
     from orbits.marching.legs.stepper import State
 
 Reached = dict[str, Any]
@@ -61,6 +63,12 @@ class InLanes:
     def places(self, state: State) -> tuple[Array | None, Array | None]:
         """Return the clocks of lost particles, and the parts of a step that they have taken; see `retirements`."""
         return None, None
+
+    def record_at_once(self, march: Legs, end: float) -> Record | None:
+        """Return what was seen of passages up to a time, by which a run is judged; None if its steps are chosen so that
+        they resolve all passages: the record is then made when it is asked for.
+        """
+        return march.record(end)
 
 
 class InMap(InLanes):
@@ -148,6 +156,10 @@ class ByOwnClocks(InLanes):
     def places(self, state: State) -> tuple[Array | None, Array | None]:
         """Return the clocks of lost particles."""
         return state.get("particle_clock"), None
+
+    def record_at_once(self, march: Legs, end: float) -> Record | None:
+        """Return None: steps that are chosen resolve all passages."""
+        return None
 
 
 def _write(state: State, lost: Lost, arrays: Mapping[str, Array]) -> None:

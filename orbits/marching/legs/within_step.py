@@ -62,8 +62,8 @@ def ended_at(leg: Leg, time: float) -> Leg:
 
 
 def end_at(leg: Leg, time: float) -> None:
-    """March a leg of chosen steps on to end exactly at a time less than a step ahead, from which it cannot go on. No
-    more states are passed on. Raises what `Leg.advance` raises.
+    """March a leg of chosen steps on to end exactly at a time less than a step ahead, from which it cannot go on; one
+    of constant steps stays where it is. No more states are passed on. Raises what `Leg.advance` raises.
     """
     leg.loop.listeners.clear()
     leg.times.end_exactly()

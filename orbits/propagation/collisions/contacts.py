@@ -115,7 +115,7 @@ class Contacts:
             stepper.state[name][...] = array
         retired.take_back(known, leg.step)
         stepper.evaluations, stepper.particle_evaluations = counts
-        leg.met = None
+        leg.bounds.met = None
         if failure is not None:
             reached, end = time, self._end_of_part(leg, time, failure)
         self._ahead = Ahead(reached, [] if end is None else self._impacts(leg, end))

@@ -120,7 +120,7 @@ class Seeking:
         The events before it are then recorded, and it is as well; the march is at the begin of its step. So it is if
         it stopped as a pair of bodies might come to its bound in the last step, but none does.
         """
-        if marcher.last.met != SUSPECT:
+        if marcher.last.bounds.met != SUSPECT:
             return self._after(marcher)
         end = Sample(marcher.time, *marcher.state())
         step_back(marcher)

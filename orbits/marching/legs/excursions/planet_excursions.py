@@ -12,9 +12,8 @@ return depends on the direction.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -199,17 +198,13 @@ class PlanetExcursions(March):
         finally:
             if self.step > step:
                 leg.go_back(0)
-            leg.met = None
+            leg.bounds.met = None
 
     # ------------------------------------------------------------------------------------------------- checkpoints
 
     def checkpoint(self, *, seen: bool = False) -> dict[str, NDArray[np.generic]]:
         """Return all that is needed to resume bit for bit; see `Leg`."""
         return {**self._map.checkpoint(seen=seen and not self._chosen.taken), **self._chosen.checkpoint()}
-
-    def checkpoint_at_end(self) -> Callable[[], dict[str, NDArray[np.generic]]]:
-        """Return what returns the checkpoint of a march that is over; see `Leg`."""
-        return partial(dict, self.checkpoint())
 
     def restore(self, checkpoint: Mapping[str, NDArray[np.generic]], *, seen: bool = False) -> None:
         """Restore a checkpoint of a march bound in the same way. Raises InputError if it belongs to another problem."""
