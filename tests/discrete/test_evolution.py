@@ -87,7 +87,7 @@ def test_for_kepler_it_is_lamberts_problem():
     by_gauss = discrete.boundary_value(discrete.vprk(L, gauss(8)), path[0], path[-1], h, steps, guess=near)
     assert np.abs(by_gauss - path).max() < 2e-15
     errors = []
-    for n in (16, 32):
+    for n in (8, 16):
         fine = discrete.march_pairs(exact, *discrete.start(exact, L.q, L.v, 2 / n), 2 / n, n - 1)
         found = discrete.boundary_value(discrete.trapezoidal(L), fine[0], fine[-1], 2 / n, n, guess=fine)
         errors.append(np.abs(found - fine).max())

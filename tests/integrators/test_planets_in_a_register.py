@@ -1,5 +1,6 @@
 """Wisdom–Holman steps of up to sixteen planets, which stay in registers, and what is seen of them."""
 
+import itertools
 import json
 
 import numpy as np
@@ -21,7 +22,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
 
-from ..coverings import cover, each, first
+from ..coverings import cover, each, first, keep
 
 
 def solar_system(count):
@@ -62,7 +63,13 @@ def marcher(gm, q, v, h, *, looks=True, **options):
     return Leg.of(newtonian, orbits.WisdomHolman(**options), parameters(gm), gm > 0, q, v, h, approaches=looks)
 
 
-@cover(("kick", "count"), ["standard", "modified-kick", "lazy"], [1, 2, 5, 8], strength=1)
+@pytest.mark.parametrize(
+    ("kick", "count"),
+    keep(
+        lambda _, case: case[0] == "modified-kick" and case[1] in (2, 8),
+        itertools.product(["standard", "modified-kick", "lazy"], [1, 2, 5, 8]),
+    ),
+)
 def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
     h = 3.0
     gm, q, v = solar_system(count)
@@ -187,7 +194,7 @@ def test_no_passage_that_the_map_cannot_follow_is_missed_by_looking_at_kicks_alo
         every, screened = (marcher(gm, q, v, h, looks=looks) for looks in (True, False))
         for march in (every, screened):
             march.block = 64
-        for _ in range(120):
+        for _ in range(60):
             every.advance(64)
             screened.advance(64)
             blind += not screened.observers.sees_path
