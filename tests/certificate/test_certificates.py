@@ -15,6 +15,7 @@ from orbits.diagnostics.convergence import Slope
 from orbits.errors import InputError
 from orbits.methods import ExplicitEuler, LobattoIIIAB, RungeKutta4
 
+from ..coverings import first
 from ..problems import three_bodies
 
 
@@ -26,12 +27,20 @@ def system():
 
 
 @pytest.fixture(scope="module")
-def certificate(system):
-    return orbits.certify(system, orbits.Gauss(stages=4), 10 * u.day)
+def certificate():
+    """Of a pair with a massless particle that rests at the origin, found without a warning."""
+    q, v = np.zeros((3, 3)), np.zeros((3, 3))
+    q[:2, 0], v[:2, 1] = (0.1, 1.0), (-0.1, 1.0)
+    G = orbits.SOLAR.G
+    resting = orbits.System(["a", "b", "p"], [G, 0.1 * G, 0.0], q, v * G**0.5, units=orbits.SOLAR)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        return orbits.certify(resting, orbits.Gauss(stages=2), 3 * u.day)
 
 
 @pytest.mark.nightly
-def test_a_system_with_particles_is_certified_with_their_fibres(certificate):
+def test_a_system_with_particles_is_certified_with_their_fibres(system):
+    certificate = orbits.certify(system, orbits.Gauss(stages=4), 10 * u.day)
     assert certificate.ok, certificate.table()
     assert certificate["symplecticity of particles"].holds
     # Six rounding errors of numbers of order one: 6.7e-16 at most was reached.
@@ -45,14 +54,8 @@ def test_a_system_with_particles_is_certified_with_their_fibres(certificate):
     assert certificate["order of the map"].measured == pytest.approx(8, abs=0.5)
 
 
-def test_a_particle_at_rest_at_the_origin_is_certified_too():
+def test_a_particle_at_rest_at_the_origin_is_certified_too(certificate):
     """Its part was NaN, which passed for 0."""
-    q, v = np.zeros((3, 3)), np.zeros((3, 3))
-    q[:2, 0], v[:2, 1] = (0.1, 1.0), (-0.1, 1.0)
-    resting = orbits.System(["a", "b", "p"], [1.0, 0.1, 0.0], q, v, units=orbits.DIMENSIONLESS)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        certificate = orbits.certify(resting, orbits.Gauss(stages=4), 0.05)
     assert certificate.ok
     assert 0.0 < certificate["symplecticity of particles"].measured < 4e-15
 
@@ -94,7 +97,7 @@ def test_runge_kutta_is_not_certified_on_a_system_and_neither_are_its_particles(
         assert certificate[name].verdict == "fails"
 
 
-@pytest.mark.parametrize(("dt", "speed"), [(-0.1, 1.0), (0.1, 1e-3)])
+@pytest.mark.parametrize(("dt", "speed"), first(1, [(-0.1, 1e-3), (-0.1, 1.0), (0.1, 1e-3)]))
 def test_a_pendulum_is_certified_backwards_and_near_its_rest(dt, speed):
     """Near its rest its weight, a constant in L, rounds to 1e-10 of the action of its motion."""
     certificate = orbits.certify(orbits.lagrangians.pendulum, orbits.Gauss(stages=4), dt, q=[0.0], v=[speed])
@@ -105,7 +108,7 @@ def test_a_pendulum_is_certified_backwards_and_near_its_rest(dt, speed):
 
 def test_the_table_names_the_step_the_unit_and_the_verdict(certificate):
     text = certificate.table()
-    assert text.startswith("Gauss(stages=4) on 3 bodies, 1 massless particle, dt = 10 d")
+    assert text.startswith("Gauss(stages=2) on 2 bodies, 1 massless particle, dt = 3 d")
     assert text.endswith("a variational integrator, as declared")
     assert str(certificate) == text
 
@@ -129,7 +132,7 @@ def test_what_is_no_certificate_is_refused(record):
 
 
 def test_a_run_stores_its_certificate_in_the_archive_and_keeps_it_when_extended(system, tmp_path):
-    path = tmp_path / "run.h5"
+    path, system = tmp_path / "run.h5", system.remove("Earth-Moon barycenter")
     run = orbits.propagate(
         system, orbits.StormerVerlet(), dt=5 * u.day, duration=100 * u.day, samples=3, archive=path, certificate=True
     )

@@ -9,6 +9,8 @@ from orbits.errors import InputError
 from orbits.lagrangians import onto_constraints
 from orbits.methods import Rattle
 
+from ..coverings import at
+
 LAGRANGIANS = [
     orbits.lagrangians.pendulum_on_a_sphere,
     orbits.lagrangians.double_pendulum_on_rods,
@@ -20,7 +22,7 @@ def largest(x):
     return float(np.max(np.abs(x)))
 
 
-@pytest.fixture(params=LAGRANGIANS, ids=lambda L: L.name)
+@pytest.fixture(params=at((0, 2), LAGRANGIANS), ids=lambda L: L.name)
 def marched(request):
     L = request.param
     path = orbits.march(L, Rattle(), dt=L.example.dt, steps=30)
@@ -87,7 +89,7 @@ def test_the_exact_derivative_is_that_of_the_compiled_step(marched):
 
 def test_the_momentum_maps_of_symmetries_of_the_constraints_are_conserved_by_noethers_theorem():
     L = orbits.lagrangians.dumbbell
-    L_d, path = discrete.constrained(discrete.trapezoidal(L)), orbits.march(L, Rattle(), dt=0.05, steps=100)
+    L_d, path = discrete.constrained(discrete.trapezoidal(L)), orbits.march(L, Rattle(), dt=0.05, steps=30)
     for symmetry in L.symmetries:
         assert abs(discrete.invariance(L_d, symmetry, path.q[0], path.q[1], 0.05, s=0.7)) < 1e-15
         drift = discrete.drift(L_d, symmetry, path.q, path.p, 0.05)
@@ -96,7 +98,7 @@ def test_the_momentum_maps_of_symmetries_of_the_constraints_are_conserved_by_noe
     across = orbits.lagrangians.rotation([1.0, 0.0, 0.0])
     sphere = orbits.lagrangians.pendulum_on_a_sphere  # gravity is no symmetry of it
     L_d = discrete.constrained(discrete.trapezoidal(sphere))
-    path = orbits.march(sphere, Rattle(), dt=0.1, steps=100)
+    path = orbits.march(sphere, Rattle(), dt=0.1, steps=30)
     assert largest(discrete.drift(L_d, across, path.q, path.p, 0.1).broken) > 1e-2
 
 

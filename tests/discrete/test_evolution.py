@@ -87,7 +87,7 @@ def test_for_kepler_it_is_lamberts_problem():
     by_gauss = discrete.boundary_value(discrete.vprk(L, gauss(8)), path[0], path[-1], h, steps, guess=near)
     assert np.abs(by_gauss - path).max() < 2e-15
     errors = []
-    for n in (16, 32):
+    for n in (8, 16):
         fine = discrete.march_pairs(exact, *discrete.start(exact, L.q, L.v, 2 / n), 2 / n, n - 1)
         found = discrete.boundary_value(discrete.trapezoidal(L), fine[0], fine[-1], 2 / n, n, guess=fine)
         errors.append(np.abs(found - fine).max())
@@ -118,7 +118,7 @@ def test_a_guess_from_which_newton_fails_is_an_error_with_the_state_and_the_reme
         np.errstate(over="ignore", invalid="ignore"),
         pytest.raises(ConvergenceError, match="does not converge from the straight line"),
     ):
-        bratu.value([0.0], [0.0], 1.88)
+        bratu.value([0.0], [0.0], 2.2)
 
 
 def test_small_masses_are_not_degenerate_but_nearly_dependent_momenta_are():

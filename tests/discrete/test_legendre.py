@@ -61,8 +61,13 @@ def test_the_two_form_is_both_pull_backs_and_is_preserved(rule, system):
     assert np.abs((F + 1e-6).T @ after @ (F + 1e-6) - omega).max() > 1e-8 * scale
 
 
-@pytest.mark.parametrize("L", [Driven(), Magnetic()], ids=lambda L: L.name)
-@pytest.mark.parametrize("rule", ["symplectic_euler_a", "trapezoidal", "vprk LobattoIIIAB(3)"])
+@cover(
+    ("rule", "L"),
+    ["vprk LobattoIIIAB(3)", "symplectic_euler_a", "trapezoidal"],
+    [Driven(), Magnetic()],
+    strength=1,
+    ids=lambda x: getattr(x, "name", x),
+)
 def test_the_derivatives_of_the_maps_are_those_of_the_maps(rule, L):
     L_d, (q0, q1), h, t = rules()[rule](L), pair(L), L.h, 0.3
     d = len(q0)

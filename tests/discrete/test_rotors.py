@@ -10,7 +10,7 @@ from orbits import discrete, rotations
 from orbits.errors import InputError
 from orbits.lagrangians import euler_top, full_two_body, heavy_top, kepler
 
-from ..coverings import first
+from ..coverings import first, only
 from .mechanics import compare
 
 Q0, Q1 = np.array([1.0, 0.3, 0.1, 0.2]), np.array([0.9, 0.35, 0.2, 0.25])
@@ -33,7 +33,7 @@ def marched(method=LGVI, steps=12):
     return orbits.march(heavy_top, method, q=q, v=v, dt=H, steps=steps)
 
 
-@pytest.mark.parametrize("name", MAKERS)
+@pytest.mark.parametrize("name", only(["moser-veselov", "unequal kicks"], MAKERS))
 def test_derivatives_are_those_of_the_value(name):
     compare(MAKERS[name](heavy_top), Q0, Q1, H, 0.0, 1e-9, 0.01)
 
@@ -103,7 +103,7 @@ def test_the_map_of_pairs_preserves_the_two_form_in_the_axes_of_the_body(name):
 
 @pytest.mark.parametrize("name", ["moser-veselov", "kick-rotate-kick"])
 def test_noether_rotations_of_space_and_of_the_body_are_kept_and_nothing_is_broken(name):
-    L_d, path = MAKERS[name](heavy_top), marched(LGVI if name == "moser-veselov" else VERLET)
+    L_d, path = MAKERS[name](heavy_top), marched(LGVI if name == "moser-veselov" else VERLET, 4)
     assert [s.name for s in heavy_top.symmetries] == ["rotation about z", "rotation about axis 3", "length of q"]
     for symmetry in heavy_top.symmetries:
         found = discrete.drift(L_d, symmetry, path.q, path.p, H)

@@ -82,12 +82,12 @@ def two_body(q: Sequence[Any], v: Sequence[Any], gm: Any, dt: Any) -> tuple[Vect
 def two_body_floor(q: Sequence[Any], v: Sequence[Any], gm: float, dt: float) -> tuple[float, float]:
     """Return what half an ulp of every input does to position and velocity, relative, summed over the inputs."""
     inputs = _mpf(*q, *v, gm, dt)
-    exact = two_body(inputs[:3], inputs[3:6], inputs[6], inputs[7])
+    *exact, anomaly = flow(inputs[:3], inputs[3:6], inputs[6], inputs[7])
     change, total = mp.mpf("1e-20"), [mp.mpf(0), mp.mpf(0)]
     for i in range(8):
         moved = list(inputs)
         moved[i] *= 1 + change
-        other = two_body(moved[:3], moved[3:6], moved[6], moved[7])
+        *other, _ = flow(moved[:3], moved[3:6], moved[6], moved[7], anomaly)
         total = [
             sum_ + _relative(a, b) / change * mp.mpf(2) ** -53 for sum_, a, b in zip(total, other, exact, strict=True)
         ]

@@ -75,9 +75,10 @@ def searched(one: Conics, other: Conics, power: float = 0.0) -> float:
     return float(values.min())
 
 
+@pytest.mark.parametrize("n", first(1, [50, 150]))
 @pytest.mark.parametrize("kind", KINDS)
-def test_ellipses_have_the_least_distance_of_a_search_that_cannot_miss_it(kind: str) -> None:
-    one, other = any_pairs(kind, 20 if kind == "nearly the same" else 150)
+def test_ellipses_have_the_least_distance_of_a_search_that_cannot_miss_it(kind: str, n: int) -> None:
+    one, other = any_pairs(kind, 10 if kind == "nearly the same" else n)
     known = least_distance(one, other)[0]
     found, f, F = least_distances(conics(one), conics(other))
     size = np.maximum(np.linalg.norm(one.along, axis=1), np.linalg.norm(other.along, axis=1))

@@ -15,7 +15,7 @@ from orbits.elements import elements_from_state, state_from_elements
 from ..coverings import each
 
 TURN = 2.0 * np.pi
-N = 1000
+N = 300
 
 
 def error(got: tuple[np.ndarray, np.ndarray], expected: tuple[np.ndarray, np.ndarray]) -> float:
@@ -186,7 +186,7 @@ def turned(x: Any, y: Any) -> float:
     return float(np.max(np.abs((x - y + np.pi) % TURN - np.pi)))
 
 
-@each("e", [0.0, 0.01, 0.3, 0.7])
+@each("e", [0.0, 0.01, 0.7])
 @each("inc", [0.0, 0.3, 2.14, np.pi])
 def test_what_elements_say_comes_back_under_the_same_names(inc: float, e: float) -> None:
     """Every name of place and pericentre, angles anywhere; prograde, retrograde, planar and circular."""

@@ -90,7 +90,7 @@ def on_eight(tags, strength, parameters, t, particle, sources, speeds, points, v
 
 
 @pytest.mark.parametrize("names", first(1, [[*FORCES], *([name] for name in FORCES)]), ids=["all", *FORCES])
-def test_a_force_is_its_formula_on_bodies_stages_and_particles(names):
+def test_a_force_is_its_formula_on_bodies_and_particles(names):
     """The sum of all, and each alone."""
     forces = [FORCES[name][0] for name in names]
 
@@ -107,15 +107,23 @@ def test_a_force_is_its_formula_on_bodies_stages_and_particles(names):
         # A dozen roundings of numbers near 1, and of the power of a quotient.
         assert np.allclose(f.reshape(3, 3)[:, i] - 1.0, GM[i] * expected, rtol=32 * EPS, atol=32 * EPS)
     assert np.array_equal(f.reshape(3, 3)[:, 1], np.ones(3))
-    rows = np.ones((9, 8))
-    on_stages(tags, STRENGTH, parameters, T, *(np.repeat(x[:, None], 8, axis=1) for x in (q, v)), rows)
-    assert np.allclose(rows, f[:, None], rtol=4 * EPS, atol=4 * EPS)
     tags, parameters = bound(*forces, particles=[f"p{k}" for k in range(11)])
     points, velocities, out = rng.normal(size=(3, 8)), rng.normal(size=(3, 8)), np.empty((3, 8))
     on_eight(tags, STRENGTH, parameters, T, 3, q, v, points, velocities, out)
     for k in range(8):
         expected = formula(points[:, k] - places[:, 1], velocities[:, k] - speeds[:, 1])
         assert np.allclose(out[:, k], expected, rtol=64 * EPS, atol=32 * EPS)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("names", [[*FORCES], *([name] for name in FORCES)], ids=["all", *FORCES])
+def test_a_force_on_rows_of_stages_is_that_on_bodies(names):
+    q, v = np.random.default_rng(4).normal(size=(2, 9))
+    f, rows = np.ones(9), np.ones((9, 8))
+    tags, parameters = bound(*(FORCES[name][0] for name in names))
+    on_bodies(tags, STRENGTH, parameters, T, q, v, f)
+    on_stages(tags, STRENGTH, parameters, T, *(np.repeat(x[:, None], 8, axis=1) for x in (q, v)), rows)
+    assert np.allclose(rows, f[:, None], rtol=4 * EPS, atol=4 * EPS)
 
 
 @pytest.mark.parametrize("stages", [False, True])

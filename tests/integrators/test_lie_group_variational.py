@@ -84,7 +84,7 @@ def test_about_a_principal_axis_the_sine_of_the_angle_is_h_omega():
 def test_every_step_below_a_radian_is_taken_whatever_the_moments_and_the_axis():
     """On the branch that leads back to no turn at all: longer steps turn the body further."""
     rng = np.random.default_rng(11)
-    for _ in range(200):
+    for _ in range(60):
         J_d = rng.random(3) ** 3 + 1e-6
         J = J_d.sum() - J_d
         axis = rng.normal(size=3) * rng.choice([0.01, 1.0, 100.0], 3)

@@ -32,7 +32,7 @@ def around_a_planet(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
 @cover(("name", "looks"), METHODS, [True, False], strength=1)
 def test_every_passage_of_particles_within_the_reach_of_a_planet_is_listed(name, looks):
     (method, h), found = METHODS[name], 0
-    for seed in range(6):
+    for seed in range(3):
         gm, q, v = around_a_planet(np.random.default_rng(seed))
         march, whole = (
             Leg.of(newtonian, method, parameters(gm[:2]), gm > 0, q, v, h, approaches=looks) for _ in range(2)
@@ -52,4 +52,4 @@ def test_every_passage_of_particles_within_the_reach_of_a_planet_is_listed(name,
         for k, particle in np.argwhere(turned & near):
             assert (particle + 2, 1, k) in listed
             found += 1
-    assert found > 100
+    assert found > 50

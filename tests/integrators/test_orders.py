@@ -75,7 +75,7 @@ def one_step_ulps(L, method, L_d):
 
 @pytest.mark.parametrize(
     "L",
-    at((0, 2), [KEPLER, orbits.lagrangians.double_pendulum, orbits.lagrangians.charged_particle]),
+    first(1, [KEPLER, orbits.lagrangians.double_pendulum, orbits.lagrangians.charged_particle]),
     ids=lambda L: L.name,
 )
 def test_midpoint_equations_are_gauss_with_one_stage_to_a_few_ulps(L):
@@ -101,10 +101,10 @@ def test_with_a_magnetic_term_the_trapezoidal_rule_is_another_method_than_lobatt
 
 
 def test_the_exact_discrete_lagrangian_of_kepler_marches_on_the_orbit_at_any_step():
-    """A hundred steps of a tenth of a period; the marching rule depends on time only through h."""
-    path = orbits.march(KEPLER, orbits.Gauss(stages=8), dt=0.02, steps=3000, every=30)
+    """Forty steps of a tenth of a period; the marching rule depends on time only through h."""
+    path = orbits.march(KEPLER, orbits.Gauss(stages=8), dt=0.02, steps=1200, every=30)
     L_d = discrete.exact(KEPLER)
     q, p = path.q[0], path.p[0]
-    for k in range(100):
+    for k in range(40):
         q, p = discrete.step(L_d, q, p, 0.6)
         assert np.abs(q - path.q[k + 1]).max() < 1e-11

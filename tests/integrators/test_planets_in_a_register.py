@@ -1,5 +1,6 @@
 """Wisdom–Holman steps of up to sixteen planets, which stay in registers, and what is seen of them."""
 
+import itertools
 import json
 
 import numpy as np
@@ -21,7 +22,7 @@ from orbits.lagrangians.newtonian import newtonian, parameters
 from orbits.marching.legs.leg import Leg
 from orbits.resources import data_path
 
-from ..coverings import cover, each, first
+from ..coverings import cover, each, first, keep
 
 
 def solar_system(count):
@@ -62,7 +63,13 @@ def marcher(gm, q, v, h, *, looks=True, **options):
     return Leg.of(newtonian, orbits.WisdomHolman(**options), parameters(gm), gm > 0, q, v, h, approaches=looks)
 
 
-@cover(("kick", "count"), ["standard", "modified-kick", "lazy"], [1, 2, 5, 8], strength=1)
+@pytest.mark.parametrize(
+    ("kick", "count"),
+    keep(
+        lambda _, case: case[0] == "modified-kick" and case[1] in (2, 8),
+        itertools.product(["standard", "modified-kick", "lazy"], [1, 2, 5, 8]),
+    ),
+)
 def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
     h = 3.0
     gm, q, v = solar_system(count)
@@ -187,7 +194,7 @@ def test_no_passage_that_the_map_cannot_follow_is_missed_by_looking_at_kicks_alo
         every, screened = (marcher(gm, q, v, h, looks=looks) for looks in (True, False))
         for march in (every, screened):
             march.block = 64
-        for _ in range(120):
+        for _ in range(60):
             every.advance(64)
             screened.advance(64)
             blind += not screened.observers.sees_path
@@ -210,7 +217,7 @@ def test_the_planets_in_the_usual_steps_are_never_looked_at_closely(count):
 
 @cover(("looks", "count"), [True, False], [3, 8], strength=1)
 def test_every_meeting_of_planets_is_listed_also_if_their_distance_hardly_changes(count, looks):
-    for seed in range(24):
+    for seed in range(8):
         gm, q, v = planets_of(np.random.default_rng(seed), gm=1e-3, count=count, apart=0.1, e=0.3)
         plain, steps = {"kernel": "standard", "corrector": 0, "looks": looks}, 150
         march, whole = (marcher(gm, q, v, 0.1, **plain) for _ in range(2))

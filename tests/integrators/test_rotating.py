@@ -68,6 +68,7 @@ def test_steps_of_many_radians_follow_a_free_body_exactly():
         assert np.abs(rotations.body_rates(path.q, path.v) - turning).max() < 2e-16 * angle + 1e-15
 
 
+@pytest.mark.nightly
 def test_a_hundred_thousand_revolutions_in_steps_keep_ten_digits():
     """Rounding leaves no walk of the energy, which would be a phase of 1e-7 radians."""
     (inertia,), (q,), (momentum,) = drawn(1, seed=4)

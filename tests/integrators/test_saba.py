@@ -124,6 +124,7 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(count):
     assert np.array_equal(planets, other)
 
 
+@pytest.mark.nightly
 def test_planets_move_alike_in_one_register_and_in_two():
     gm, q, v, _ = solar_system()
     gm[1] = 1e-40  # Mercury moves nothing, but moves the others by a place, Pluto into a second register

@@ -1,6 +1,7 @@
 """Relativity and oblateness in Wisdom–Holman maps: the motion is that of the same Lagrangian by other methods.
 
-Tests that run by default have all three terms and massless bodies, so that the kernels are compiled once.
+Tests that run by default have all three terms and massive bodies alone, so that few kernels are compiled; those with
+massless bodies are nightly.
 """
 
 import astropy.units as u
@@ -169,23 +170,18 @@ def test_the_node_and_the_pericentre_turn_as_the_first_order_of_oblateness_says(
     J, radius, inc = 1e-6, 0.5, 0.6
     x, w = state_from_elements(1.0, a=1.0, e=0.3, inc=inc, Omega=0.4, omega=1.0, M=0.0)
     far, slow = state_from_elements(1.0, a=30.0, e=0.0, inc=0.0, Omega=0.0, omega=0.0, M=0.0)
-    farther = 2 * far, slow / np.sqrt(2)  # a circle, of a massless body
-    start = (
-        np.array([1.0, 1e-25, 1e-25, 0.0]),
-        np.array([np.zeros(3), x, far, farther[0]]),
-        np.array([np.zeros(3), w, slow, farther[1]]),
-    )
+    start = np.array([1.0, 1e-25, 1e-25]), np.array([np.zeros(3), x, far]), np.array([np.zeros(3), w, slow])
     pole = (0.0, 0.0, 1.0)
     # Of the other terms there is hardly anything.
     terms = [zonal_harmonics(0, radius, pole, {2: J}), post_newtonian(0, 1e8), frame_dragging(0, (0.0, 0.0, 1e-30))]
     run = marcher(DEFAULT, terms, start, 0.05)
     q, v = [], []
-    for _ in range(500):
+    for _ in range(250):
         run.advance(52)
         state = run.state()
         q.append(state[0][1] - state[0][0])
         v.append(state[1][1] - state[1][0])
-    q, v, t = np.array(q), np.array(v), 2.6 * np.arange(500)
+    q, v, t = np.array(q), np.array(v), 2.6 * np.arange(250)
     h = np.cross(q, v)
     node = np.unwrap(np.arctan2(h[:, 0], -h[:, 1]))
     e = np.cross(v, h) - q / np.linalg.norm(q, axis=1)[:, None]
@@ -193,13 +189,13 @@ def test_the_node_and_the_pericentre_turn_as_the_first_order_of_oblateness_says(
     across = np.cross(h, ascending) / np.linalg.norm(h, axis=1)[:, None]
     omega = np.unwrap(np.arctan2((e * across).sum(axis=1), (e * ascending).sum(axis=1)))
     size = 1.5 * J * radius**2 / (1.0 - 0.3**2) ** 2
-    # The second order is 1e-6 of this; the ends of the periodic terms, over 200 turns, 1e-4.
+    # The second order is 1e-6 of this; the ends of the periodic terms, over 100 turns, 2e-4.
     assert np.polyfit(t, node, 1)[0] == pytest.approx(-size * np.cos(inc), rel=1e-3)
     assert np.polyfit(t, omega, 1)[0] == pytest.approx(size * (2.0 - 2.5 * np.sin(inc) ** 2), rel=1e-3)
 
 
 def test_what_is_marched_leads_back_to_what_was_given_and_backwards_to_the_start():
-    gm, q, v = start = bodies(star=1)
+    gm, q, v = start = bodies(particles=0, star=1)
     terms = STRONG["all"](1)
     for method in (DEFAULT, PLAIN):
         run = marcher(method, terms, start, 0.05)
@@ -214,6 +210,7 @@ def test_what_is_marched_leads_back_to_what_was_given_and_backwards_to_the_start
         assert np.isfinite(state["q"]).all()
 
 
+@pytest.mark.nightly
 def test_the_bits_depend_on_neither_samples_nor_blocks_nor_threads_nor_neighbours():
     gm, q, v = bodies(particles=20)
     terms = STRONG["all"](0)
@@ -232,7 +229,7 @@ def test_the_bits_depend_on_neither_samples_nor_blocks_nor_threads_nor_neighbour
 
 
 def test_a_run_with_terms_is_resumed_to_the_bit(tmp_path):
-    system = solar("Mercury", "Venus", "Jupiter").add("rock", primary="Sun", a=2.5 * u.au, e=0.1).with_terms(
+    system = solar("Mercury", "Venus", "Jupiter").with_terms(
         orbits.terms.ZonalHarmonics("Sun", **J2),
         orbits.terms.PostNewtonian(sources=["Sun"]),
         orbits.terms.FrameDragging("Sun", spin=1.9e41 * u.kg * u.m**2 / u.s, pole=SUNS_POLE),

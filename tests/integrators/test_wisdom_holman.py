@@ -18,7 +18,7 @@ from orbits.marching.legs.leg import Leg
 from orbits.tableaux.correctors import PAIRS, corrector, corrector_lengths
 
 from ..contracts.problems import march
-from ..coverings import cover
+from ..coverings import at, cover
 from ..problems import three_bodies
 
 DEFAULT, PLAIN = orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)
@@ -122,7 +122,7 @@ def kepler(q, v, mu, h):
     return f * q + g * v, -mu * g1 / (r0 * r) * q + (1 - mu * g2 / r) * v
 
 
-@pytest.mark.parametrize("method", [PLAIN, CORRECTED, DEFAULT], ids=lambda method: method.label)
+@pytest.mark.parametrize("method", at((0, 2), [PLAIN, CORRECTED, DEFAULT]), ids=lambda method: method.label)
 def test_three_steps_equal_the_plain_path_in_forty_digits(method):
     gm, q, v = three_bodies()
     got = march(method, gm, q, v, 0.125, 3)
@@ -142,9 +142,9 @@ def test_planets_in_two_registers_in_any_order_equal_the_plain_path_in_forty_dig
     v[1:] = (np.array([-np.sin(angle), np.cos(angle), 0.02 + 0.0 * angle]) / np.sqrt(a)).T
     gm = np.array([1.0, *rng.uniform(1e-5, 1e-4, count)])
     order = rng.permutation(count + 1)
-    got = march(method, gm[order], q[order], v[order], 0.125, 3)
+    got = march(method, gm[order], q[order], v[order], 0.125, 2)
     with mpmath.workdps(40):
-        truth = Jacobi(method, gm, q, v, 0.125).march(3)
+        truth = Jacobi(method, gm, q, v, 0.125).march(2)
     for x, y in zip(got, truth, strict=True):
         # A unit in the last place of the outermost places is 9e-16.
         assert np.abs(x - y[order]).max() < 1e-15

@@ -23,8 +23,9 @@ print(sum(value.entry.stats.cache_hits.values()))
 
 
 def run(folder):
-    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment.pop("NUMBA_CACHE_DIR", None)
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    for name in ("NUMBA_CACHE_DIR", "PYTHONDONTWRITEBYTECODE"):
+        environment.pop(name, None)
     out = subprocess.run(
         [sys.executable, "-c", PROGRAM], cwd=folder, env=environment, capture_output=True, text=True, check=True
     )
@@ -35,10 +36,8 @@ def run(folder):
 def test_the_cache_is_hit_after_an_edit_of_prose_and_an_edit_of_code_in_another_file_is_seen(tmp_path):
     package = tmp_path / "orbits"
     shutil.copytree(Path(orbits.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
-    before, cold = run(tmp_path)
-    again, warm = run(tmp_path)
-    assert again == before
-    assert (cold, warm) == (0, 1)
+    before, hits = run(tmp_path)
+    assert hits == 0
     gravity = package / "kernels" / "gravity" / "pair_sums.py"
     for path in (gravity, package / "lagrangians" / "newtonian.py"):  # the file of the kernel itself as well
         path.write_text(path.read_text().replace('"""', '"""Prose on\n\nthree lines. ', 1).replace("Return", "Give"))

@@ -11,6 +11,8 @@ import orbits
 from orbits.errors import InputError
 from orbits.kernels.compile import kernel
 
+from ..coverings import at
+
 
 @kernel
 def middle(q):
@@ -73,14 +75,14 @@ def test_a_kernel_that_takes_a_part_of_an_array_counts_no_references():
 
 @pytest.mark.parametrize(
     ("allocating", "line"),
-    [
+    at((0, 1, 2, 5), [
         (fresh, "out = np.empty(3)"),
         (calls_fresh, "out = np.empty(3)"),
         (listed, "values = [q[0], 1.0]"),
         (copied, "q[:] = q[::-1]"),
         (doubled, "q[:] = 2.0 * q"),
         (shortened, ""),
-    ],
+    ]),
     ids=lambda given: getattr(given, "__name__", ""),
 )
 def test_a_kernel_that_allocates_is_refused_with_its_place_and_the_remedy(allocating, line):

@@ -8,6 +8,8 @@ import pytest
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import functions, get, put
 
+from ..coverings import every, first
+
 UNARY = ("sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log")
 EDGE = [0.0, -0.0, 1.0, -1.0, np.inf, -np.inf, np.nan, 5e-324, -2.2e-308, 710.0, -745.0, 1e22, np.pi / 2]
 RNG = np.random.default_rng(3)
@@ -32,7 +34,7 @@ def by_library(function, *x):
     return [one(*(float(y) for y in row)) for row in zip(*x, strict=True)]
 
 
-@pytest.mark.parametrize("name", UNARY)
+@pytest.mark.parametrize("name", every(3, UNARY))
 def test_a_function_of_lanes_has_the_bits_of_the_function_of_numbers_and_of_the_library(name):
     function = getattr(functions, name)
 
@@ -52,7 +54,7 @@ def test_a_function_of_lanes_has_the_bits_of_the_function_of_numbers_and_of_the_
     assert np.array_equal(bits(single[known]), bits(np.array([library[k] for k in known])))
 
 
-@pytest.mark.parametrize("name", ["atan2", "power"])
+@pytest.mark.parametrize("name", first(1, ["power", "atan2"]))
 def test_a_function_of_two_arguments_has_the_same_bits_with_lanes_in_either_place(name):
     function = getattr(functions, name)
 
@@ -62,12 +64,12 @@ def test_a_function_of_two_arguments_has_the_same_bits_with_lanes_in_either_plac
             put(out, k, function(get(x, k), get(y, k)))
 
     @kernel
-    def first(x, y, out):
+    def left(x, y, out):
         for k in range(x.shape[0]):
             put(out, k, function(get(x, k), y))
 
     @kernel
-    def second(x, y, out):
+    def right(x, y, out):
         for k in range(x.shape[0]):
             put(out, k, function(y, get(x, k)))
 
@@ -82,7 +84,7 @@ def test_a_function_of_two_arguments_has_the_same_bits_with_lanes_in_either_plac
     known = [k for k, z in enumerate(library) if z is not None]
     assert len(known) > 200
     assert np.array_equal(bits(single[known]), bits(np.array([library[k] for k in known])))
-    for run in (first, second):
+    for run in (left, right):
         run(x, 0.7, single)
         run(x.reshape(32, 8), 0.7, wide)
         assert np.array_equal(bits(single), bits(wide.ravel()))

@@ -11,6 +11,7 @@ from orbits.kernels.kepler.flow import kepler_flow, kepler_increments
 from orbits.kernels.lanes import load, store
 from orbits.kernels.sums.summation import accumulate
 
+from ..coverings import at
 from ..kepler_truth import distance, flow, judged
 from .kepler_starts import all_sorts, ellipses, energies, increments, needs_extended, start
 
@@ -82,7 +83,7 @@ def worst_ratio(e, step, rng, count):
     for _ in range(count):
         state, dt = start(e, rng), time(e, step, rng)
         (end,) = moved(state[:, None], 1.0, dt).T
-        error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], 1.0, dt, end[:3], end[3:])
+        error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], 1.0, dt, end[:3], end[3:], BOUND)
         ratios.append(max(error_q / condition_q, error_v / condition_v))
     return max(ratios)
 
@@ -94,7 +95,7 @@ BOUND = 4.0
 @pytest.mark.parametrize("e", ECCENTRICITIES)
 def test_flow_of_every_conic_is_within_a_few_times_what_rounding_its_input_does(e):
     rng = np.random.default_rng(int(1e6 * min(e, 1000.0)) + 1)
-    some = STEPS[ECCENTRICITIES.index(e) % 3 :: 3]  # each of them with five eccentricities; all of them are slow
+    some = STEPS[ECCENTRICITIES.index(e) % 6 :: 6]  # each of them with two eccentricities or three; all are slow
     assert max(worst_ratio(e, step, rng, 1) for step in some) <= BOUND
 
 
@@ -120,7 +121,7 @@ def test_flow_holds_for_any_conic_step_and_unit(e, exponent, scale, seed):
     state[3:] *= speed
     dt *= length / speed
     (end,) = moved(state[:, None], gm, dt).T
-    error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], gm, dt, end[:3], end[3:])
+    error_q, error_v, condition_q, condition_v = judged(state[:3], state[3:], gm, dt, end[:3], end[3:], BOUND)
     assert error_q <= BOUND * condition_q
     assert error_v <= BOUND * condition_v
 
@@ -166,7 +167,7 @@ def test_a_short_step_keeps_all_digits_of_its_increment():
     increments(state, np.ones(64), dt, out)
     worst = 0.0
     with mp.workdps(60):
-        for before, h, change in zip(state.T, dt, out.T, strict=True):
+        for before, h, change in zip(state.T[::4], dt[::4], out.T[::4], strict=True):
             q, v, _ = flow(before[:3], before[3:], 1.0, h)
             for true, old, got in ((q, before[:3], change[:3]), (v, before[3:], change[3:])):
                 exact = [x - mp.mpf(y) for x, y in zip(true, old, strict=True)]
@@ -211,7 +212,9 @@ def test_no_step_of_any_orbit_hangs_or_leaves_it():
 
 
 @needs_extended
-@pytest.mark.parametrize(("e", "steps_per_period"), [(0.0, 20), (0.0, 100), (0.05, 17), (0.05, 100), (0.3, 25)])
+@pytest.mark.parametrize(
+    ("e", "steps_per_period"), at((1, 4), [(0.0, 20), (0.0, 100), (0.05, 17), (0.05, 100), (0.3, 25)])
+)
 def test_rounding_of_one_step_has_no_preferred_sign(e, steps_per_period):
     state, period = ellipses(e, 160_000, 7)
     out = np.empty_like(state)
@@ -223,7 +226,7 @@ def test_rounding_of_one_step_has_no_preferred_sign(e, steps_per_period):
 
 
 @needs_extended
-@pytest.mark.parametrize(("e", "rms"), [(0.0, 0.4), (0.05, 0.15), (0.6, 1.0)])
+@pytest.mark.parametrize(("e", "rms"), at((0, 2), [(0.0, 0.4), (0.05, 0.15), (0.6, 1.0)]))
 def test_energy_wanders_as_the_root_of_the_number_of_steps(e, rms):
     state, period = ellipses(e, 128, 8)
     dt = period / 100 * np.random.default_rng(9).uniform(1.0, 1.5, 128)

@@ -76,7 +76,7 @@ def flow_matrix(x, v, gm, dt, increments, out):
             out[3 + i, k] += change[i]
 
 
-@pytest.mark.parametrize("name", at((1, 3, 5, 7), CASES))
+@pytest.mark.parametrize("name", at((1, 7), CASES))
 def test_the_derivative_of_a_kepler_motion_is_that_of_fifty_digits(name):
     speed, dt = CASES[name]
     x, v = np.array([0.6, -0.64, 0.48]), np.array([0.48, 0.8, -0.36])

@@ -8,6 +8,8 @@ from orbits import rotations
 from orbits.errors import InputError
 from orbits.lagrangians import euler_top, heavy_top, spin_orbit
 
+from ..coverings import at
+
 EPS = 2.0**-53
 SPIN = (0.4, 0.0, 0.9)
 """Euler's top of the moments 1, 2, 3 from this spin, at t = 10, by Jacobi's elliptic functions in 30 digits."""
@@ -26,7 +28,7 @@ def test_eulers_top_follows_the_elliptic_functions_to_the_last_bits():
     assert np.abs(seen - MOMENTUM_AT_10).max() < 8 * EPS
 
 
-@pytest.mark.parametrize("stages", [1, 2, 3, 4])
+@pytest.mark.parametrize("stages", at((1, 3), [1, 2, 3, 4]))
 def test_attitudes_converge_with_the_order_of_the_method(stages):
     q, v = rotations.start(SPIN)
     errors = []

@@ -55,6 +55,6 @@ def test_steps_so_long_that_iterations_stall_are_solved_to_the_floor_or_refused(
 
 def test_what_the_fast_form_cannot_iterate_newtons_method_solves():
     stiff = orbits.lagrangians.harmonic_oscillator.with_parameters(k=1e4, m=1.0)
-    assert worst_miss(stiff, orbits.Gauss(stages=4), 0.1, [1.0], [0.3]) < 1e-13
+    assert worst_miss(stiff, orbits.Gauss(stages=4), 0.1, [1.0], [0.3], steps=20) < 1e-13
     borderline = orbits.lagrangians.harmonic_oscillator.with_parameters(k=1500.0, m=1.0)
-    assert worst_miss(borderline, orbits.Gauss(stages=4), 0.1, [1.0], [0.3]) < 1e-13
+    assert worst_miss(borderline, orbits.Gauss(stages=4), 0.1, [1.0], [0.3], steps=20) < 1e-13

@@ -13,7 +13,7 @@ from orbits.tableaux.compositions import ANY_BASE, scheme, scheme_names
 from orbits.tableaux.conditions import composition_defects, nystrom_defects, words
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
 
-from ..coverings import each
+from ..coverings import each, keep
 
 PUBLISHED = sorted(COMPOSITIONS)
 RECURSIVE = [(2, 4, "triple-jump"), (2, 4, "suzuki"), (2, 8, "triple-jump"), (4, 6, "suzuki"), (6, 10, "triple-jump")]
@@ -25,7 +25,10 @@ def largest(defects):
     return max(abs(x) for x in defects)
 
 
-@pytest.mark.parametrize(("base_order", "order", "name"), COMPOSED)
+@pytest.mark.parametrize(
+    ("base_order", "order", "name"),
+    keep(lambda _, case: case[:2] != (2, 10) or case[2] == "tsitouras", COMPOSED),  # those of order 10 take a second
+)
 def test_every_order_condition_of_a_composition_holds_to_fifty_digits_and_no_more_of_them_do(base_order, order, name):
     with mpmath.workdps(60):
         steps = scheme(base_order, order, name).steps
