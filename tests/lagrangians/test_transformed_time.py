@@ -66,6 +66,12 @@ def test_orbits_and_times_are_those_of_the_lagrangian_that_was_transformed(eccen
     assert not path.p[:, 2].any()
 
 
+def test_the_same_lagrangian_is_made_once_however_often_it_is_transformed():
+    one, again = (time_transformed(KEPLER, monitor=DYNAMICAL).compile().tag.name for _ in range(2))
+    assert one == again  # by which kernels on disk are found
+    assert one != time_transformed(KEPLER, monitor=2 + x**2).compile().tag.name
+
+
 def test_the_energy_of_the_start_is_rounded_once():
     """In float64, p.v - L at this pericentre is 1e-12 off, and so would be the energy of the orbit."""
     start = {"q": [2.0**-13, 0.0], "v": [0.0, float(np.sqrt(2.0**14 - 1))]}

@@ -58,11 +58,8 @@ def from_sympy(
     """
     formula = _checked(L, q, v, t, {} if parameters is None else parameters, name)
     formula = replace(formula, constraints=_checked_constraints(constraints, name, len(formula.q)))
-    import sympy
-
     parts = ([formula.L], formula.q, formula.v, formula.parameters, [] if t is None else [t], formula.constraints)
-    key = digest(name, repr([[sympy.srepr(x) for x in part] for part in parts]))
-    compiled = _compiled(name, key, lambda: module_text(formula))
+    compiled = _compiled(name, digest(name, _told(parts)), lambda: module_text(formula))
     names = [name_of(x) for x in formula.q]
     return Lagrangian(
         name=name,
@@ -77,6 +74,18 @@ def from_sympy(
         constraints=tuple(str(g) for g in formula.constraints),
         check_parameters=lambda values: _check_values(name, formula.parameters, values),
     )
+
+
+def _told(parts: Sequence[Iterable[Any]]) -> str:
+    """Return what tells formulas apart, the same in all processes: SymPy counts the symbols of `sympy.Dummy` anew in
+    each, and with each use.
+    """
+    import sympy
+
+    made = {x for part in parts for one in part for x in one.atoms(sympy.Dummy)}
+    in_order = enumerate(sorted(made, key=lambda x: x.dummy_index))
+    plain = {x: sympy.Symbol(f"_{k}_{x.name}", **x.assumptions0) for k, x in in_order}
+    return repr([[sympy.srepr(one.xreplace(plain)) for one in part] for part in parts])
 
 
 def shipped(
