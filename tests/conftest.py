@@ -1,4 +1,6 @@
-"""Nothing of the suite depends on what its process inherits: signals ignored by nohup or a runner, masks, a umask."""
+"""Nothing of the suite depends on what its process inherits: signals ignored by nohup or a runner, masks, a umask. What
+each test would make anew is made once.
+"""
 
 import functools
 import os

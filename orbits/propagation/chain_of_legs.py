@@ -30,7 +30,7 @@ from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.marchers import WORK
 from orbits.system import System
 from orbits.trajectory import changes
-from orbits.trajectory.changes import CHANGES, COUNTS, Changes, checked_rows
+from orbits.trajectory.changes import CHANGES, COUNTS, Bodies, Changes, checked_rows, of_bodies
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class ChainOfLegs(March):
         self._room = room or (2 * len(system) if few else ROOM)
         self._work = np.zeros((len(system.forces), 7))
         self._grid = -1  # the step of the grid within which a leg began, until its end is reached
-        self._seen: list[tuple[System, Record]] = []
+        self._seen: list[tuple[Bodies, Record]] = []  # of earlier legs with passages
         self._leg = self.bodies.march(system.values.q, system.values.v, clock)
         self._shapes = {name: (x.shape, x.dtype) for name, x in self._leg.checkpoint().items()}
 
@@ -126,13 +126,17 @@ class ChainOfLegs(March):
         self._leg.close()
 
     def seen(self) -> list[tuple[System, Record]]:
-        """Return the bodies of each leg of whole steps so far, and the record by which it is judged, if there are
-        passages in it; of a resumed run, from the leg on in which it went on.
+        """Return the bodies of each leg of whole steps in which there are passages to be judged, and its record without
+        the closest approaches; of a resumed run, from the leg on in which it went on.
         """
+        return [(of_bodies(self.system, there), record) for there, record in (*self._seen, *self._seen_in_leg())]
+
+    def _seen_in_leg(self) -> list[tuple[Bodies, Record]]:
         home = self.home
-        record = home.way.record_at_once(partial(seen_by, home, noting_end=False)) if self._grid < 0 else None
-        listed = record is not None and len(record.listed)
-        return [*self._seen, (self.bodies.of_leg(), record)] if record is not None and listed else self._seen
+        record = self.clock.to_be_judged(partial(seen_by, home, noting_end=False)) if self._grid < 0 else None
+        if record is None or not len(record.listed):
+            return []
+        return [(self.bodies.of_leg(), record._replace(closest=None))]
 
     # ------------------------------------------------------------------------------------------------ the march
 
@@ -213,7 +217,8 @@ class ChainOfLegs(March):
 
     def _begin_leg(self, time: float, state: State) -> None:
         """Go on from a changed state at a time in the next step."""
-        self._seen, self.changed = self.seen(), True
+        self._seen += self._seen_in_leg()
+        self.changed = True
         self._work = self.accounts()
         if self._contacts is not None:
             self._contacts.forget()

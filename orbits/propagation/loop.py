@@ -186,7 +186,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
         trajectory._kept = None  # steps are of the bodies of the start
     else:
         leg = marcher.home
-        trajectory._record = leg.way.record_at_once(lambda: marcher.current.record(observed_until(trajectory)))
+        trajectory._record = grid.clock.to_be_judged(lambda: marcher.current.record(observed_until(trajectory)))
         if trajectory._record is None and trajectory._place is None:  # in memory, or its archive is no longer there
             trajectory._ended = leg.problem.approaches, leg.checkpoint_at_end()
     yield None

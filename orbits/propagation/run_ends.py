@@ -81,7 +81,7 @@ class RunEnds:
             with suppress(IntegrationError):
                 last = within_step.ended_at(home, end)
                 if last.bounds.met == ENERGY:
-                    self.note(last.time, last.state(), *self.conditions.exceeded())
+                    self.note(end, self.marcher.state_after(end - self.marcher.time), *self.conditions.exceeded())
 
     def interrupted(self, found: Found | None) -> bool:
         """Return whether an event ends the run, and note it; others that interrupt it act, before it ends."""

@@ -25,10 +25,11 @@ BY_ALL = "kepler"
 """The Lagrangian on which methods are certified by default that need no other."""
 
 DEFAULT = {
-    *((BY_ALL, label) for label in ("RungeKutta4()", "ExplicitEuler()")),
+    *((BY_ALL, label) for label in ("StormerVerlet()", "RungeKutta4()", "ExplicitEuler()")),
     ("pendulum-on-a-sphere", "Rattle()"),
 }
-"""Those that declare less, and a constraint. Gauss is in `tests/certificate`, rigid bodies have files of their own."""
+"""Kicks, those that declare less, and a constraint. Gauss is in `tests/certificate`, rigid bodies have files of their
+own."""
 
 EXAMPLES = [m for cls in methods().values() for m in cls.examples()]
 ALL = [*EXAMPLES, Composition(Rattle(), order=4)]

@@ -10,6 +10,7 @@ from orbits.methods import VPRK, Composition, ImplicitMidpoint
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
 
 from ..contracts.problems import errors_against_the_exact_orbit, march, marcher
+from ..coverings import first
 from ..problems import kepler, three_bodies
 
 VERLET = orbits.StormerVerlet()
@@ -127,10 +128,10 @@ def test_compositions_are_described_built_and_typed():
             parse(text)
 
 
-def test_a_run_of_a_composition_is_stored_and_extended_bit_for_bit(tmp_path):
+@pytest.mark.parametrize("method", first(1, [Composition(VERLET, order=4), IMPLICIT]), ids=str)
+def test_a_run_of_a_composition_is_stored_and_extended_bit_for_bit(tmp_path, method):
     gm, q, v = kepler(0.3)
     system = orbits.System(["a", "b"], gm, q, v, units=orbits.DIMENSIONLESS)
-    method = Composition(VERLET, order=4)
     straight = orbits.propagate(system, method, dt=0.1, duration=4.0, samples=9)
     orbits.propagate(system, method, dt=0.1, duration=2.0, samples=5, archive=tmp_path / "run.h5")
     longer = orbits.resume(tmp_path / "run.h5", until=4.0)

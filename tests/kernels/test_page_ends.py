@@ -30,7 +30,6 @@ def test_kernels_touch_no_memory_behind_their_arrays(name):
     assert process.returncode == 0, process.stderr
 
 
-@pytest.mark.nightly
 def test_one_lane_behind_an_array_ends_the_process():
     process = done(WRONG)
     assert process.returncode == -signal.SIGSEGV, process.stderr

@@ -170,7 +170,7 @@ class Halted(Exception):
     """Ends a run from within."""
 
 
-@pytest.mark.parametrize(("dt", "at"), at((2, 6), itertools.product([None, 0.02], [1.0, 2.4, 2.53, 2.6, 5.0])))
+@pytest.mark.parametrize(("dt", "at"), at((1, 8), itertools.product([None, 0.02], [1.0, 2.4, 2.53, 2.6, 5.0])))
 def test_a_run_killed_anywhere_goes_on_to_the_same_bits_and_the_same_table(
     dt: float | None, at: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -361,25 +361,33 @@ def test_the_list_does_not_depend_on_threads_even_when_a_block_holds_more_than_f
         assert np.array_equal(listed, first)
 
 
-@pytest.mark.parametrize("ahead", [0.01, 0.03], ids=["before the passage", "after it"])
-def test_a_passage_in_a_run_with_a_merger_is_told_with_the_error_that_it_causes(ahead):
+@pytest.mark.parametrize(
+    ("ahead", "action", "direction"),
+    [
+        (0.01, orbits.events.Merge(), 1),
+        (0.03, orbits.events.Merge(), 1),
+        (0.03, orbits.events.Bounce(), -1),
+    ],
+    ids=["a merger before the passage", "a merger after it", "a bounce after it, backwards"],
+)
+def test_a_passage_in_a_run_whose_bodies_change_is_told_with_the_error_that_it_causes(ahead, action, direction):
     def told(names, **options):
         q = np.array([[0.0, 0, 0], [1, 0, 0], [-2, 0, 0], [5, 0, 0], [5 + ahead, 0, 0]])
-        v = np.array([[0.0, 0, 0], [0, 0.12, 0], [0, -0.7, 0], [0, 0.447, 0], [-0.02, 0.447, 0]])
+        v = np.array([[0.0, 0, 0], [0, 0.12, 0], [0, -0.7, 0], [0, 0.447, 0], [-0.02 * direction, 0.447, 0]])
         n, radii = len(names), [1e-6, 1e-6, 1e-6, 2e-3, 2e-3]
         gm = [1.0, 1e-6, 1e-6, 1e-9, 1e-9]
         system = orbits.System(names, gm[:n], q[:n], v[:n], radii=radii[:n], units=orbits.DIMENSIONLESS)
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            run = orbits.propagate(system, VERLET, dt=0.03, duration=6, samples=3, **options)
+            run = orbits.propagate(system, VERLET, dt=0.03, duration=6 * direction, samples=3, **options)
         (text,) = (str(one.message) for one in caught if "did not resolve" in str(one.message))
         return run, text, float(re.search(r"P to Sun: .* puts it about ([0-9.]+) off", text)[1])
 
     alone = told(["Sun", "P", "Q"])
-    run, text, error = told(["Sun", "P", "Q", "a", "b"], events=orbits.events.Collision(then=orbits.events.Merge()))
-    assert [event.kind for event in run.events] == ["merger"]
+    run, text, error = told(["Sun", "P", "Q", "a", "b"], events=orbits.events.Collision(then=action))
+    assert [event.kind for event in run.events] == ["bounce" if direction < 0 else "merger"]
     assert error == pytest.approx(alone[2], rel=0.05)  # the pair, of 1e-9 of the mass, is 4 away
-    assert ("Passages after the next change of its bodies were not judged." in text) == (ahead > 0.02)
+    assert "as if bodies did not change after it" in text
     assert "run.unresolved()" not in text  # which is refused for such a run
 
 

@@ -72,6 +72,7 @@ def test_an_energy_error_at_the_end_of_a_run_within_a_step_is_told():
         run = orbits.propagate(pair, orbits.StormerVerlet(), stop=orbits.events.EnergyErrorAbove(bound), **options)
         assert (run.stopped is not None) == met
         assert not met or run.stopped.time == run.times[-1] == 0.47
+        assert not met or np.array_equal(run.stopped.system.q, run.q[-1])
 
 
 def test_a_run_ends_when_the_clock_says_so(system):

@@ -84,7 +84,7 @@ def _told(parts: Sequence[Iterable[Any]]) -> str:
 
     made = {x for part in parts for one in part for x in one.atoms(sympy.Dummy)}
     in_order = enumerate(sorted(made, key=lambda x: x.dummy_index))
-    plain = {x: sympy.Symbol(f"_{k}_{x.name}", **x.assumptions0) for k, x in in_order}
+    plain = {x: sympy.Symbol(f"\0{k} {x.name}", **x.assumptions0) for k, x in in_order}
     return repr([[sympy.srepr(one.xreplace(plain)) for one in part] for part in parts])
 
 

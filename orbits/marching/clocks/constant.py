@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,8 @@ from orbits.kernels.steps import NOT_CONVERGED
 from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.step_times import Behind, Place, Places, StepTimes, Way
 from orbits.point_masses import PointMasses
+
+T = TypeVar("T")
 
 STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
@@ -102,6 +104,12 @@ class Clock:
 
     def check(self, integrator: Integrator) -> None:
         """Raise InputError for a method whose steps this clock cannot choose."""
+
+    def to_be_judged(self, record: Callable[[], T]) -> T | None:
+        """Return the record of passages by which a march of these steps is judged; None for steps that resolve all of
+        them, whose record is made when it is asked for.
+        """
+        return record()
 
     def finer(self, integrator: Any, factor: float) -> Clock:
         """Return a clock whose steps are about `factor` < 1 times as long, for a companion of a run by that method.

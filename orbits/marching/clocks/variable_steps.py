@@ -102,6 +102,10 @@ class ChangingSteps(Clock):
             + forces * " Or a force jumps there, which no polynomial follows: give dt=..."
         )
 
+    def to_be_judged(self, record: Any) -> None:
+        """Return None: steps that are chosen resolve all passages."""
+        return
+
     def coefficients(self, form: Form) -> Any:
         """Return coefficients, which are written before each step."""
         return coefficients_of(form, 1.0).copy()

@@ -6,7 +6,7 @@ take steps of their own, are lost within a step of the bodies, and may hit a bod
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +24,6 @@ from orbits.marching.watching.passage_list import BlockList
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
-    from orbits.marching.legs.record import Record
     from orbits.marching.legs.stepper import State
 
 Reached = dict[str, Any]
@@ -62,12 +61,6 @@ class InLanes:
     def places(self, state: State) -> tuple[Array | None, Array | None]:
         """Return the clocks of lost particles, and the parts of a step that they have taken; see `retirements`."""
         return None, None
-
-    def record_at_once(self, record: Callable[[], Record]) -> Record | None:
-        """Return what was seen of passages, by which a march is judged; None if its steps are chosen so that they
-        resolve all passages: the record is then made when it is asked for.
-        """
-        return record()
 
 
 class InMap(InLanes):
@@ -155,10 +148,6 @@ class ByOwnClocks(InLanes):
     def places(self, state: State) -> tuple[Array | None, Array | None]:
         """Return the clocks of lost particles."""
         return state.get("particle_clock"), None
-
-    def record_at_once(self, record: Callable[[], Record]) -> Record | None:
-        """Return None: steps that are chosen resolve all passages."""
-        return None
 
 
 def _write(state: State, lost: Lost, arrays: Mapping[str, Array]) -> None:

@@ -23,6 +23,12 @@ if TYPE_CHECKING:
     from orbits.propagation.chain_of_legs import ChainOfLegs
 
 
+MOST_IN_LEGS = 300
+"""The most passages of all legs that are marched one by one after a run, in a second."""
+
+AS_IF_UNCHANGED = " This is of one leg of the run, and said as if bodies did not change after it."
+
+
 def found_in(trajectory: Trajectory, watch: RunEnds, known: int) -> Iterator[Finding]:
     """Find what the caller should know of a run, after `known` particles were lost before it."""
     if len(trajectory.retired) > known:
@@ -55,9 +61,10 @@ def _of_passages(run: Trajectory | LegOfRun, seen: Seen) -> Iterator[Finding]:
 def _in_legs(run: Trajectory, legs: Sequence[tuple[System, Record]]) -> Iterator[Finding]:
     """Find the same in the first leg that has such passages: with these, the rest of a run is not to be trusted."""
     for number, (bodies, record) in enumerate(legs, 1):
-        leg = LegOfRun(bodies, run.integrator, run.clock, run.excursions, observed_until(run))
+        most = max(MOST_IN_LEGS // len(legs), 1)
+        leg = LegOfRun(bodies, run.integrator, run.clock, run.excursions, observed_until(run), most)
         found = list(_of_passages(leg, Seen(bodies, record, run.clock)))
         if found:
-            later = " Passages after the next change of its bodies were not judged." * (number < len(legs))
+            later = AS_IF_UNCHANGED + " Passages in later legs were not judged." * (number < len(legs))
             yield from (*found[:-1], replace(found[-1], remedy=found[-1].remedy + later))
             return

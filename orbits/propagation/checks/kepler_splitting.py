@@ -285,7 +285,8 @@ def _not_to_be_trusted(
     whose += " of massive bodies" * of_planets
     remedy = _remedy_for_planets(run.integrator)
     if not of_planets:
-        step, remedy = f"All others are right. {step}", _remedy_for_particles(run.integrator)
+        others = "" if isinstance(run, LegOfRun) else "All others are right. "
+        step, remedy = f"{others}{step}", _remedy_for_particles(run.integrator)
     return Finding(
         f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:",
         StepWarning,

@@ -20,6 +20,7 @@ class LegOfRun:
 
     system : its bodies, with their masses and radii in this leg
     excursions : of the whole run; end : the time at which the run ended
+    most : the most passages that are judged one by one
     """
 
     system: System
@@ -27,10 +28,11 @@ class LegOfRun:
     clock: Clock
     excursions: Excursions | None
     end: float
+    most: int
 
     @property
     def step(self) -> float:
-        """The length of its steps, with the sign of the direction; NaN if they differ."""
+        """The length of its steps, with the sign of the direction."""
         return self.clock.h
 
 

@@ -129,7 +129,8 @@ def _pair_of(seen: Seen, k: int) -> frozenset[int]:
 
 def not_resolved(run: Trajectory | LegOfRun, seen: Seen) -> Iterator[Finding]:
     """Find passages that spoilt a run, and the step that would have resolved them."""
-    found = spoiling(run, seen, MOST_JUDGED)
+    most = run.most if isinstance(run, LegOfRun) else MOST_JUDGED
+    found = spoiling(run, seen, most)
     if not found:
         return
     pairs: dict[frozenset[int], list[tuple[int, float]]] = {}
@@ -144,11 +145,12 @@ def not_resolved(run: Trajectory | LegOfRun, seen: Seen) -> Iterator[Finding]:
         more = f" ({len(others) + 1:,} passages, together up to {together})" if others else ""
         rows.append(f"{Approach.of(run.system, run.clock, seen.passages[k], error)}{more}")
     steps = [_enough(run, seen, [k for k, _ in passages]) for passages in _hardest(seen, list(pairs.values()))]
-    if ahead := passage_ahead(run.system, run.integrator, run.step, _end(run, seen)):
-        steps.append(ahead.enough)  # its own course may have been lost
+    if not isinstance(run, LegOfRun):
+        ahead = passage_ahead(run.system, run.integrator, run.step, _end(run, seen))
+        steps += [] if ahead is None else [ahead.enough]  # its own course may have been lost
     advice = what_to_do(run.system, run.integrator, min(steps), "it" if len(found) == 1 else "them")
     unit = run.system.units.time
-    some = len(found) >= MOST_JUDGED or seen.left_out > 0
+    some = len(found) >= most or seen.left_out > 0
     yield Finding(
         f"{run.integrator.label} with dt = {in_digits(abs(run.step), unit, 6)} did not resolve {'at least ' * some}"
         f"{counted(len(found), 'close passage')}; the rest of the run is not to be trusted for these bodies:",

@@ -102,18 +102,18 @@ class BodiesOfRun:
         gone = {name for name, there in zip(self.system.names, self.there, strict=True) if not there}
         return np.array([force.without(gone) is not None for force in self.system.forces], dtype=bool)
 
-    def of_leg(self) -> System:
+    def of_leg(self) -> Bodies:
         """Return the bodies of this leg, with the masses and radii that they have in it."""
-        if self._leg is None:
-            self._leg = of_bodies(self.system, self.bodies._replace(present=self.there))
-        return self._leg
+        return self.bodies._replace(present=self.there)
 
     def march(self, q: Array, v: Array, clock: Clock, time: float = 0.0) -> Legs:
         """Return a march of the bodies of this leg, of q and v (there, 3), from a time on."""
+        if self._leg is None:
+            self._leg = of_bodies(self.system, self.of_leg())
         q, v = np.where(np.isnan(q), NOWHERE, q), np.where(np.isnan(v), 0.0, v)
         radii = None if self.collisions is None else self.collisions.sought(self.bodies.radii)[self.there]
         made = bound(
-            self.of_leg(),
+            self._leg,
             self.integrator,
             clock,
             self._threads,

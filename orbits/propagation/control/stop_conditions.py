@@ -111,7 +111,8 @@ class FartherThan(AtDistance):
 
 @dataclass(frozen=True)
 class EnergyErrorAbove:
-    """Stop after the first step at whose end the relative energy error of the massive bodies exceeds a fraction.
+    """Stop after the first step at whose end the relative energy error of the massive bodies exceeds a fraction, or at
+    the end of the run.
 
     Raises InputError for a fraction that is not one finite number above 0.
     """
