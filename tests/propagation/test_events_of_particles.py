@@ -43,6 +43,7 @@ SEVERAL = [
     Conjunction("moon", "planet", observer="probe"),
     Event(lambda t, q, v: q[:, 3, 0] - q[:, 1, 0], name="aligned", bodies="probe"),
 ]
+BOTH = "dust", "probe"
 STORED = [*SEVERAL[:-1], Pericentre("dust"), CloseApproach("probe", "dust")]
 
 
@@ -334,6 +335,17 @@ def test_a_run_ends_at_an_event_and_goes_on_past_it(tmp_path, dt):
     assert run.stopped is None
     assert [row for row in listed(run.events) if row[1] != "dust"] == listed(whole.events)
     run.close()
+
+
+def test_a_run_that_is_stopped_before_a_sample_has_all_events_before():
+    events = [Pericentre("dust"), Apocentre("dust"), Pericentre("probe"), Apocentre("probe")]
+    whole = sought(events, samples=[15.0]).events
+    run = sought(events, samples=[15.0], stop=orbits.events.FartherThan(2.9, "planet", "moon"))
+    before = whole.time.value < run.stopped.time.value
+    expected = [row for row, is_before in zip(listed(whole), before, strict=True) if is_before]
+    assert listed(run.events) == [*expected, ("farther than 2.9", "planet", "moon")]
+    assert {row[:2] for row in expected} == {(kind, b) for kind in ("pericentre", "apocentre") for b in BOTH}
+    np.testing.assert_allclose(run.events.time.value[:-1], whole.time.value[before], rtol=0.0, atol=1e-11)
 
 
 def test_the_first_of_several_reasons_ends_a_run():
