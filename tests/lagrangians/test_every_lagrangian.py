@@ -132,7 +132,7 @@ def test_the_legendre_transform_and_its_inverse_are_inverse(name):
 def with_symmetries():
     """The Lagrangians with all their symmetries, and a charged particle in a uniform field, which has more of them."""
     for name in NAMES:
-        yield pytest.param(problem(name), id=name, marks=[] if name in SOME else pytest.mark.nightly)
+        yield pytest.param(problem(name), id=name)
     uniform = problem("charged-particle").with_parameters(B2=0.0, E2=0.0)
     yield pytest.param(uniform, id="charged-particle, uniform field")
 
