@@ -85,6 +85,17 @@ def test_in_a_notebook_the_bar_is_an_output_that_is_updated_and_taken_away(monke
     assert capsys.readouterr().err == ""
 
 
+def test_a_notebook_is_told_the_time_that_is_left(monkeypatch):
+    notebook = install(monkeypatch, Notebook())
+    clock = iter([0.0, 3.0, 9.0])
+    monkeypatch.setattr(module.time, "perf_counter", lambda: next(clock))
+    bar = module.Notebook("gauss", 0.25)
+    bar.show(0.25, "1 d", "")  # nothing is done yet: no estimate
+    bar.show(0.75, "3 d", "")  # 9 s for a half: 4.5 s for the last quarter
+    assert [", " in one["text/plain"] for one in notebook.messages[1:]] == [False, True]
+    assert notebook.messages[-1]["text/plain"].endswith(", 4 s left")
+
+
 def test_a_notebook_is_told_no_more_than_five_times_a_second(monkeypatch):
     notebook = install(monkeypatch, Notebook())
     monkeypatch.setattr(module, "PAUSE", 3600.0)
