@@ -370,7 +370,9 @@ def test_the_list_does_not_depend_on_threads_even_when_a_block_holds_more_than_f
     ],
     ids=["a merger before the passage", "a merger after it", "a bounce after it, backwards"],
 )
-def test_a_passage_in_a_run_whose_bodies_change_is_told_with_the_error_that_it_causes(ahead, action, direction):
+def test_a_passage_in_a_run_whose_bodies_change_is_told_with_the_error_that_it_causes(
+    ahead, action, direction, monkeypatch
+):
     def told(names, **options):
         q = np.array([[0.0, 0, 0], [1, 0, 0], [-2, 0, 0], [5, 0, 0], [5 + ahead, 0, 0]])
         v = np.array([[0.0, 0, 0], [0, 0.12, 0], [0, -0.7, 0], [0, 0.447, 0], [-0.02 * direction, 0.447, 0]])
@@ -384,10 +386,15 @@ def test_a_passage_in_a_run_whose_bodies_change_is_told_with_the_error_that_it_c
         return run, text, float(re.search(r"P to Sun: .* puts it about ([0-9.]+) off", text)[1])
 
     alone = told(["Sun", "P", "Q"])
-    run, text, error = told(["Sun", "P", "Q", "a", "b"], events=orbits.events.Collision(then=action))
+    events = {"events": orbits.events.Collision(then=action)}
+    run, text, error = told(["Sun", "P", "Q", "a", "b"], **events)
     assert [event.kind for event in run.events] == ["bounce" if direction < 0 else "merger"]
     assert error == pytest.approx(alone[2], rel=0.05)  # the pair, of 1e-9 of the mass, is 4 away
     assert "as if bodies did not change after it" in text
+    with monkeypatch.context() as patch:
+        patch.setattr(unresolved_passages, "MOST_JUDGED", 0)
+        with pytest.warns(StepWarning, match="of the close passages between changes 0 were judged"):
+            orbits.propagate(run.system, VERLET, dt=0.03, duration=6 * direction, **events)
     assert "run.unresolved()" not in text  # which is refused for such a run
 
 

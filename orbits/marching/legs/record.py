@@ -63,9 +63,9 @@ def record(leg: Leg, end: float) -> Record:
     with suppress(IntegrationError):  # where the run itself failed
         if (end - leg.time) * leg.clock.direction > 0.0:  # it was stopped behind its last sample
             leg.advance_to(leg.clock.place(end))
-            within_step.end_at(leg, end)  # of chosen steps, which have no common length below
+            within_step.end_at(leg, end)  # nothing with constant steps
     known = seen_by(leg)
-    if not 0.0 < (end - leg.time) / leg.clock.h < 1.0:
+    if not 0.0 < (end - leg.time) / leg.clock.h < 1.0:  # nor with chosen steps, which have no common length
         return known
     try:
         part = seen_by(within_step.ended_at(leg, end))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
-from orbits.errors import EventWarning
+from orbits.errors import EventWarning, StepWarning
 from orbits.finding import Finding
 from orbits.marching.legs.record import Record
 from orbits.propagation.checks.leg_of_run import LegOfRun
@@ -22,9 +22,6 @@ from orbits.trajectory import Trajectory
 if TYPE_CHECKING:
     from orbits.propagation.chain_of_legs import ChainOfLegs
 
-
-MOST_IN_LEGS = 300
-"""The most passages of all legs that are marched one by one after a run, in a second."""
 
 AS_IF_UNCHANGED = " This is of one leg of the run, and said as if bodies did not change after it."
 
@@ -60,11 +57,23 @@ def _of_passages(run: Trajectory | LegOfRun, seen: Seen) -> Iterator[Finding]:
 
 def _in_legs(run: Trajectory, legs: Sequence[tuple[System, Record]]) -> Iterator[Finding]:
     """Find the same in the first leg that has such passages: with these, the rest of a run is not to be trusted."""
+    from orbits.propagation.checks.unresolved_passages import MOST_JUDGED
+
+    left = MOST_JUDGED
     for number, (bodies, record) in enumerate(legs, 1):
-        most = max(MOST_IN_LEGS // len(legs), 1)
-        leg = LegOfRun(bodies, run.integrator, run.clock, run.excursions, observed_until(run), most)
-        found = list(_of_passages(leg, Seen(bodies, record, run.clock)))
+        seen = Seen(bodies, record, run.clock)
+        leg = LegOfRun(bodies, run.integrator, run.clock, run.excursions, observed_until(run), left)
+        found = list(_of_passages(leg, seen))
+        left -= len(seen.errors)
         if found:
             later = AS_IF_UNCHANGED + " Passages in later legs were not judged." * (number < len(legs))
             yield from (*found[:-1], replace(found[-1], remedy=found[-1].remedy + later))
+            return
+        if left <= 0:
+            yield Finding(
+                f"bodies change in this run, and of the close passages between changes {MOST_JUDGED:,} were judged: "
+                "none of these spoilt it, but there may be others. Leave dt out: steps are then chosen one by one.",
+                StepWarning,
+                "passages not judged",
+            )
             return
