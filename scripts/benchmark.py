@@ -30,7 +30,15 @@ from benchmarks.map_particles import part_map_particles
 from benchmarks.native import Native
 from benchmarks.physics import part_physics
 from benchmarks.planets import part_planets
-from benchmarks.processes import part_calls, part_lagrangians, part_memory, part_pendulum, part_start, part_symbolic
+from benchmarks.processes import (
+    part_calls,
+    part_lagrangians,
+    part_memory,
+    part_pendulum,
+    part_samples,
+    part_start,
+    part_symbolic,
+)
 from benchmarks.rotation import part_rotation
 from benchmarks.scattering import part_scattering
 from benchmarks.small_bodies import part_small_bodies
@@ -67,6 +75,7 @@ PARTS = {
     "threads": part_threads,
     "large": part_large,
     "calls": part_calls,
+    "samples": part_samples,
     "start": part_start,
     "memory": part_memory,
     "kepler": part_kepler,

@@ -288,7 +288,7 @@ def _sample(
     watch.begun = time.perf_counter()
     places, events, index = grid.places, watch.events, run.first
     goals, count = len(grid.goals), len(grid)
-    alone = bool(particles) or watch.callback is not None  # what looks at each sample in turn
+    alone = particles.may_end or watch.callback is not None  # what may end the run at each sample
     singly = 0  # the sample up to which blocks end before each, as a partial step from within one failed
     while index < goals:
         if stop.name:
@@ -322,6 +322,7 @@ def _sample(
             elif steps != step:
                 passed = min(passed, marcher.samples.passed(places.between(index, index + passed)))
             if passed:
+                particles.reach(grid.goals[index : index + passed], q, v, waits=failure is not None)
                 store.add(q[:passed], v[:passed], marcher.samples.accounts()[:passed])
                 index += passed
             bar.update(marcher.time, steps)
@@ -342,10 +343,10 @@ def _sample(
         if index == count and not particles and events.stops is None:
             break
         single = alone or bool(events.of_bodies.interrupts) or events.stops is not None
-        most = 1 if single else min(store.room, AT_ONCE, count - index)
+        most = 1 if single else max(min(store.room, AT_ONCE, count - index), 1)
         q, v = marcher.samples.ahead(places.between(index, index + most))
         sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()
-        if watch.interrupted(watch.at_a_bound(sample)) or particles.reach(sample):
+        if watch.interrupted(watch.at_a_bound(sample)) or particles.reach(grid.goals[index : index + len(q)], q, v):
             return False
         if index == count:
             break

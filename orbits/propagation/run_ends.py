@@ -194,26 +194,40 @@ class ParticlesOfRun:
         self._followed = ParticleSearches(run.system, run.integrator, clock, run.watch.events, begun)
         self._clock, self._kept = clock, self._now()
         self._waiting: list[Sample] = []
-        self._step, self._end = self._marcher.step, float(run.grid.goals[-1])
+        self._step = self._reached = self._marcher.step
+        self._end = float(run.grid.goals[-1])
         run.watch.events.seek_of_particles = self.seek
 
     def __bool__(self) -> bool:
         """Whether there are any."""
         return bool(self._followed)
 
-    def reach(self, sample: Sample) -> bool:
-        """Take the next sample, before it is stored; return whether an event up to it ends the run. Events that only
-        record are sought up to several samples at once.
+    @property
+    def may_end(self) -> bool:
+        """Whether any of them may end the run."""
+        return bool(self._followed) and self._followed.stops
+
+    def reach(self, times: Array, q: Array, v: Array, *, waits: bool = False) -> bool:
+        """Take the next samples, before they are stored, one alone if `may_end`; return whether an event up to it ends
+        the run. Events that only record are sought up to several samples at once.
+
+        times : (m,), with q and v, (m or more, n, 3); waits : whether nothing is sought before the end of the run
         """
         if not self._followed:
             return False
-        self._waiting.append(Sample(sample.time, sample.q.copy(), sample.v.copy()))
-        enough = self._followed.enough(len(self._waiting), self._marcher.step - self._step)
-        return (enough or sample.time == self._end) and self.seek()  # no run is complete before its events are known
+        begun, ahead = self._reached, self._marcher.step - self._reached
+        for k, when in enumerate(times.tolist()):
+            self._waiting.append(Sample(when, q[k].copy(), v[k].copy()))
+            self._reached = begun + ahead * (k + 1) // len(times)  # about the steps up to it
+            enough = self._followed.enough(len(self._waiting), self._reached - self._step)
+            # No run is complete before its events are known.
+            if (enough or when == self._end) and not waits and self.seek():
+                return True
+        return False
 
     def seek(self) -> bool:
         """Seek events up to the last sample that was taken; return whether one of them ends the run."""
-        waiting, self._waiting, self._step = self._waiting, [], self._marcher.step
+        waiting, self._waiting, self._step = self._waiting, [], self._reached
         for sample, searches in zip(waiting, self._followed.that_may_find(waiting), strict=True):
             if searches and self._ends_by(sample.time, sample, searches):
                 return True

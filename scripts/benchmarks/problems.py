@@ -45,10 +45,17 @@ _COMPILED: set[tuple[Any, ...]] = set()
 
 
 def ours(
-    method: Any, gm: np.ndarray, q: np.ndarray, v: np.ndarray, dt: Clock | float, span: float, threads: int = 1
+    method: Any,
+    gm: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    dt: Clock | float,
+    span: float,
+    threads: int = 1,
+    samples: int = 2,
 ) -> tuple[float, np.ndarray]:
-    """Return (seconds, positions at `span`) of one run, as a user has it: a call of `propagate` with two samples, all
-    checks on. The first one of its kind is repeated, as it compiles.
+    """Return (seconds, positions at `span`) of one run, as a user has it: a call of `propagate`, all checks on. The
+    first one of its kind is repeated, as it compiles.
     """
     system = orbits.System([f"body {k}" for k in range(len(gm))], gm, q, v, units=orbits.DIMENSIONLESS)
     kind = method, type(dt), len(gm), int(system.massive.sum()), threads
@@ -56,7 +63,9 @@ def ours(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", orbits.errors.OrbitsWarning)
             begun = time.perf_counter()
-            run = orbits.propagate(system, method, dt=dt, duration=span, samples=2, threads=threads, progress=False)
+            run = orbits.propagate(
+                system, method, dt=dt, duration=span, samples=samples, threads=threads, progress=False
+            )
             seconds = time.perf_counter() - begun
     _COMPILED.add(kind)
     return seconds, run.q.value[-1]

@@ -17,6 +17,9 @@ import numpy as np
 import orbits
 from benchmarks.encounters import apophis
 from benchmarks.problems import kernel, ours, ten_bodies_data
+from orbits.kernels.compile import cpu_name
+from orbits.point_masses import PointMasses
+from orbits.regression import peers
 
 FIRST_STEP = """
 import orbits
@@ -222,3 +225,20 @@ def part_calls(repetitions: int) -> dict[str, Any]:
         whole, march = (1e6 * statistics.median(seconds) for seconds in zip(*spent, strict=True))
         rows.append({"run": name, "run us": whole, "kernel us": march, "overhead us": whole - march})
     return {"rows": rows}
+
+
+def part_samples(repetitions: int) -> dict[str, Any]:
+    """Apophis, massless, among ten bodies for a year without dt, by calls of `propagate` with all checks and ever more
+    samples, beside REBOUND's IAS15 led to the same times, in turn, medians. Samples end no block of steps.
+    """
+    stone, rows = apophis(365.25), []
+    bodies = PointMasses(stone.gm, stone.q, stone.v)
+    for samples in (2, 11, 101, 1001):
+        times = np.linspace(0.0, stone.span, samples)[1:]
+        spent: list[tuple[float, float]] = []
+        for _ in range(10 * repetitions):
+            mine, _ = ours(orbits.Gauss(), *bodies[:3], orbits.Adaptive(), stone.span, samples=samples)
+            spent.append((mine, peers.run("ias15", bodies, times=times, dt=1.0).wall_s))
+        mine, theirs = (1e3 * statistics.median(seconds) for seconds in zip(*spent, strict=True))
+        rows.append({"samples": samples, "ours ms": mine, "IAS15 ms": theirs, "times faster": theirs / mine})
+    return {"rows": rows, "processor": cpu_name()}

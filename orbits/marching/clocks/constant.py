@@ -24,7 +24,7 @@ from orbits.kernels.clocks import CONSTANT_STEPS, LENGTH
 from orbits.kernels.dense import times_reached
 from orbits.kernels.steps import NOT_CONVERGED
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching.clocks.step_times import Behind, Place, Places, StepTimes, Way
+from orbits.marching.clocks.step_times import Ahead, Behind, Place, Places, StepTimes, Way
 from orbits.point_masses import PointMasses
 
 T = TypeVar("T")
@@ -364,10 +364,10 @@ class GridTimes(StepTimes):
         """Return where places in the last block lie behind the beginnings of its steps."""
         return _behind(self, places, self.step - self._count)
 
-    def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
+    def ahead_of(self, leg: Any, places: Places) -> Ahead:
         """Return the state of the leg, and where the places before its next step lie behind it."""
         count = int(np.searchsorted(places.steps, self.step + 1))
-        return leg.stepper.state, _behind(self, places.between(0, count), self.step)
+        return Ahead(leg.stepper.state, _behind(self, places.between(0, count), self.step))
 
     def way(self, time: float) -> Way:
         """Return one step to that time."""

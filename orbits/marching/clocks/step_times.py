@@ -156,9 +156,9 @@ class StepTimes:
         """Return where places in the last block lie behind the beginnings of its steps."""
         raise NotImplementedError
 
-    def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
-        """Return a state at the beginning of a step, and where those of these places lie behind it that lie in this
-        step: the next step of a leg in which there are any. Raises an IntegrationError if it cannot be taken.
+    def ahead_of(self, leg: Any, places: Places) -> Ahead:
+        """Return the next step of a leg in which there are any of these places. Raises an IntegrationError if it cannot
+        be taken.
         """
         raise NotImplementedError
 
@@ -190,6 +190,17 @@ class Behind(NamedTuple):
     steps: NDArray[np.int64]
     begun: Array
     parts: Array
+
+
+class Ahead(NamedTuple):
+    """A step in which there are places: the state at its beginning, and where they lie behind it.
+
+    numbers : of the clock, see `StepTimes.numbers`, if the bodies have just taken this step, the next one of the leg
+    """
+
+    state: Mapping[str, Array]
+    behind: Behind
+    numbers: Array | None = None
 
 
 class Way(NamedTuple):

@@ -23,7 +23,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import UNLIMITED, Behind, Place, Places, StepTimes, Way
+from orbits.marching.clocks.step_times import UNLIMITED, Ahead, Behind, Place, Places, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10
 """The state of such a clock: the time reached, in doubled precision; the last step; the direction 1 or -1; the time
@@ -284,12 +284,12 @@ class ChosenTimes(StepTimes):
         steps = np.searchsorted(ends[:, 0] * direction, places.rests * direction, side="right") - 1
         return _behind(self.start, places, steps, ends)
 
-    def ahead_of(self, leg: Any, places: Places) -> tuple[Mapping[str, Array], Behind]:
+    def ahead_of(self, leg: Any, places: Places) -> Ahead:
         """Return the state at the beginning of the first step, beyond the whole steps taken, in which there are some of
         these times; it is the step that is taken without them, whatever they are.
         """
         state, direction, counts = leg.stepper.state, self.clock.direction, leg.stepper.counts()
-        begun, ends, count = state, np.zeros((1, 2)), 0
+        begun, ends, count, taken = state, np.zeros((1, 2)), 0, 0
         try:
             while not count:
                 begun, copy = state, {name: state[name].copy() for name in OF_BODIES}
@@ -297,13 +297,14 @@ class ChosenTimes(StepTimes):
                 ends, now[LIMIT] = now[[TIME, TIME_LO]][None], self.next_place().rest
                 if places.rests[0] == ends[0, 0]:
                     break
-                leg.loop.march_copy(copy, self.clock, 1, particles=False)
+                taken += leg.loop.march_copy(copy, self.clock, 1, particles=False)
                 # The next step of a body alone may be longer than all times; it ends there without being taken.
                 count = int(np.searchsorted(places.rests * direction, now[NEXT] * direction))
         finally:
             leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
-        count = max(count, 1)
-        return begun, _behind(self.start, places.between(0, count), np.zeros(count, dtype=np.intp), ends)
+        first, numbers = max(count, 1), state["clock"] if count and taken == 1 else None
+        behind = _behind(self.start, places.between(0, first), np.zeros(first, dtype=np.intp), ends)
+        return Ahead(begun, behind, numbers)
 
     def way(self, time: float) -> Way:
         """Return the steps of the clock, which goes on."""

@@ -20,10 +20,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from orbits.kernels.binding import kernel_of
 from orbits.kernels.clocks import Clock
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import WithoutFirst, verb
+from orbits.kernels.lanes import WIDTH
 from orbits.kernels.rounds import claim_piece, next_round
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import Method, Model
@@ -54,6 +57,22 @@ class Block(NamedTuple):
     carries: Any
 
 
+class SamplesInBlock(NamedTuple):
+    """The samples that lie in a block, in the order of time.
+
+    first : (steps + 1,) int64; those in step k of the block are first[k] ... first[k + 1] - 1; empty if there are none
+    behind : the times from the beginnings of their steps to them
+    states : (samples, 6, padded), receives q and v of each particle there; those it cannot reach are left as they are
+    """
+
+    first: Any
+    behind: Any
+    states: Any
+
+
+NO_SAMPLES = SamplesInBlock(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 6, WIDTH)))
+
+
 class Followers(NamedTuple):
     """The massless particles of a march.
 
@@ -62,12 +81,14 @@ class Followers(NamedTuple):
         own: see `orbits.marching.following.own_clocks.BEFORE`
     retired : (padded, 2) int64, a row for each particle: why it was retired (0: it was not), and before which step of
         the block. One that cannot be stepped is retired alone, and keeps its state before the step
+    samples : see `SamplesInBlock`; of a follower that does not show them, blocks end before each
     """
 
     columns: Columns
     memory: Any
     clocks: Any
     retired: Any
+    samples: SamplesInBlock
 
 
 class Room(NamedTuple):

@@ -26,11 +26,12 @@ class Follower:
     form : of the method; n : the number of massive bodies; steps : the most in a block; helpers : the threads
 
     following : the tag of the way of following; reads_path : whether the states and the carry of the bodies at the
-        beginning of each step are to be recorded
+        beginning of each step are to be recorded; shows_samples : whether it shows particles at samples within a block
     track : of the caller's thread, see `Room`
     """
 
     reads_path: ClassVar[bool] = False
+    shows_samples: ClassVar[bool] = False
 
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers) -> None:
         self._helpers, members = helpers, range(helpers.members)

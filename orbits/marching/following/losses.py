@@ -27,13 +27,13 @@ BEYOND = 1.01
 
 
 class Contact(NamedTuple):
-    """Where a particle hits a body, in the order of the kernels: the part of a step after which it does, the length of
-    that step, and its state there, (3,) each.
+    """Where a particle hits a body, in the order of the kernels: the part of a step after which it does, the time since
+    the start of the run, and its state there, (3,) each.
     """
 
     body: int
     part: float
-    length: float
+    time: float
     q: Array
     v: Array
 

@@ -24,6 +24,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.gravity.close_field import gross_field, rate_at
 from orbits.kernels.lanes import WIDTH, any_lane, full, largest, load, maximum, minimum, select, store, total
 from orbits.kernels.search.context import watch_at
+from orbits.kernels.search.paths import record_particle
 from orbits.kernels.steps import (
     NOT_FINITE,
     OK,
@@ -82,8 +83,8 @@ MOST_PARTS = 100_000_000
 """The most steps that a particle takes within one of the bodies: a minute."""
 
 SHORTEST = 2.0**-52
-"""A step shorter than this fraction of the time since the start counts as zero, except a whole step of the bodies: up
-to a sample that is the next number after the end of a step. (Their step may be longer than one by any factor.)"""
+"""A step shorter than this fraction of the time since the start counts as zero, except a whole step of the bodies, or
+one up to a sample: that may be the next number after the end of a step. (Their step may be longer by any factor.)"""
 
 RATES = 9
 """The row of the scratch of a particle's step that has S at its stages; see
@@ -205,16 +206,18 @@ def proposed(h, factor, nodes, rates, stages):
 
 
 @kernel(inline=True)
-def follow(method, model, stepping, k, p, particle, own, storage):
-    """Take particle p through step k of the bodies.
+def follow(method, model, stepping, k, until, p, particle, own, storage):
+    """Take particle p through step k of the bodies, or through a part of it.
 
-    method : with the table of `stepping`, an `OwnStepping`, whose log receives its state at the beginning and, if it
-        takes several steps in an encounter, after each of them
+    method : with the table of `stepping`, an `OwnStepping`, whose log receives its state at the beginning of a whole
+        step and, if it takes several steps in an encounter, after each of them
+    until : the time since the beginning of the step up to which it is taken, not 0: the length of the step for all
     own : (4,), its clock; storage : with its L as the carry, and scratch
     Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
     """
     field, shared, log, numbers = stepping.field, stepping.shared, stepping.log, stepping.numbers
     since, H, begun = numbers[ORIGIN] + field.times[k], length_of(field, k), time_of(field, k)
+    watched = log.context != 0 and until == H
     table, carry, scratch, share = method.coefficients[0], storage.carry, storage.scratch, storage.share
     nodes, stages = load(table, NODES), 0
     while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
@@ -222,19 +225,21 @@ def follow(method, model, stepping, k, p, particle, own, storage):
     if own[NEXT] == 0.0:
         own[NEXT] = first_length(method, model, field, k, particle)
     done, steps, evaluations, proposal = 0.0, 0, 0, own[NEXT]
-    log_state(method, model, field, log, p, k, 0.0, particle)
+    if watched:
+        log_state(method, model, field, log, p, k, 0.0, particle)
     begin, wanted, reaches, n = log.counts[ENTRIES], False, shared.before[:0], bodies(model.tag, model.parameters)
-    if log.context != 0:
+    if watched:
         watch = watch_at(log.context)
         reaches, wanted = log.reaches, watch.then != 0 or watch.collide != 0 or watch.dominant < 0
     while steps < MOST_PARTS:
-        left, status, taken = H - done, TOO_SHORT, False
+        left, status, taken = until - done, TOO_SHORT, False
         x_kept, y_kept, z_kept = load(carry, 0), load(carry, 1), load(carry, 2)
         for _ in range(ATTEMPTS):
             parts = max(math.ceil(abs(left) / (STRETCH * proposal)), 1.0)
-            h = left if parts == 1.0 else (done + left / parts) - done  # the lengths add up to H
-            whole = done == 0.0 and parts == 1.0
-            if not whole and not abs(h) > SHORTEST * abs(since + done):
+            h = left if parts == 1.0 else (done + left / parts) - done  # the lengths add up
+            alone = done == 0.0 and parts == 1.0
+            whole = alone and until == H
+            if not alone and not abs(h) > SHORTEST * abs(since + done):
                 break
             before = own[BEFORE] if own[BEFORE] != 0.0 else h
             if whole:
@@ -252,7 +257,7 @@ def follow(method, model, stepping, k, p, particle, own, storage):
             elif shared.before[k] != before:
                 prepare(mine, h, before, now)
                 shared.before[k] = before
-            end = time_of(field, k + 1) if parts == 1.0 else begun + (done + h)
+            end = time_of(field, k + 1) if parts == 1.0 and until == H else begun + (done + h)
             end_late(mine, end - ((begun + done) + h))
             after, _, status, count = step_particles(mine, model, begun + done, h, particle, carry, now)
             evaluations += count
@@ -274,13 +279,14 @@ def follow(method, model, stepping, k, p, particle, own, storage):
             return particle, NOT_FINITE if status == NOT_FINITE else TOO_SHORT, evaluations
         steps += 1
         if parts == 1.0:
-            if steps > 1 and (wanted or steps >= FEW):
+            if watched and steps > 1 and (wanted or steps >= FEW):
                 log.counts[WANTED] = 1
-            elif steps > 1:
+            elif watched and steps > 1:
                 log.counts[ENTRIES] = min(begin, log.counts[ENTRIES])
             return particle, OK, evaluations
         done += h
-        log_state(method, model, field, log, p, k, done / H, particle)
+        if watched:
+            log_state(method, model, field, log, p, k, done / H, particle)
     own[REACHED] = since + done
     return particle, TOO_SHORT, evaluations
 
@@ -307,8 +313,28 @@ def _march(own, form, method, model, clock, block, particles, room, first, last)
 
 @kernel(inline=True)
 def _take_step(own, method, model, clock, block, particles, room, k, p, particle):
-    storage = Storage(particles.memory[p], room.scratch, block.stages[0], Share(p, p + 1, None))
-    return follow(Method(method.tag, own.table), model, own, k, p, particle, particles.clocks[p], storage)
+    """Take particle p through step k, after a part of it up to each sample in it, which changes nothing."""
+    mine, carry, times = Method(method.tag, own.table), particles.memory[p], particles.clocks[p]
+    storage = Storage(carry, room.scratch, block.stages[0], Share(p, p + 1, None))
+    samples, H, i, last = particles.samples, length_of(own.field, k), 0, 0
+    if samples.first.shape[0] > 0:
+        i, last = samples.first[k], samples.first[k + 1]
+    while True:
+        until = samples.behind[i] if i < last else H
+        x, y, z = load(carry, 0), load(carry, 1), load(carry, 2)
+        before, proposal, reached = times[BEFORE], times[NEXT], times[REACHED]
+        after, status, evaluations = particle, OK, 0
+        if until != 0.0:
+            after, status, evaluations = follow(mine, model, own, k, until, p, particle, times, storage)
+        if i == last:
+            return after, status, evaluations
+        if status == OK:
+            record_particle(samples.states[i], 0, p, after)
+        store(carry, 0, x)
+        store(carry, 1, y)
+        store(carry, 2, z)
+        times[BEFORE], times[NEXT], times[REACHED] = before, proposal, reached
+        i += 1
 
 
 @kernel(inline=True)

@@ -66,6 +66,7 @@ class ByOwnSteps(Follower):
     """
 
     reads_path: ClassVar[bool] = True
+    shows_samples: ClassVar[bool] = True
 
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, coefficients: Array) -> None:
         super().__init__(form, n, steps, helpers)

@@ -45,6 +45,7 @@ from orbits.marching.following.alone_in_map import (
     state_in,
     state_of_planets,
 )
+from orbits.marching.following.bodies_between import length_of
 from orbits.marching.following.contract import Room
 from orbits.marching.following.in_lanes import GROUP, march_in_lanes
 from orbits.marching.following.own_clocks import BEFORE, NEXT, REACHED, begin_stepping, follow
@@ -168,10 +169,11 @@ def _go_through(walk, columns, track, p, steps, is_away):
         if not walk.bodies.reached[k]:
             status = _learn_step(walk, k)
         if status == OK:
-            share = Share(p, p + 1, None)
-            storage = Storage(walk.bodies.carry, walk.bodies.scratch, walk.stepping.field.stages[k], share)
+            share, field = Share(p, p + 1, None), walk.stepping.field
+            storage = Storage(walk.bodies.carry, walk.bodies.scratch, field.stages[k], share)
+            clock, until = walk.bodies.clock, length_of(field, k)
             particle, status, count = follow(
-                walk.own_method, walk.own_model, walk.stepping, k, p, particle, walk.bodies.clock, storage
+                walk.own_method, walk.own_model, walk.stepping, k, until, p, particle, clock, storage
             )
             evaluations += count
         k, left = k + 1 if status == OK else k, False

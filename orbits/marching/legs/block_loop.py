@@ -12,6 +12,7 @@ import numpy as np
 
 from orbits.errors import ConvergenceError, IntegrationError
 from orbits.marching.clocks.constant import Clock
+from orbits.marching.following.contract import NO_SAMPLES
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
 from orbits.marching.legs.stepper import State
 from orbits.marching.stepping.failures import last_good
@@ -168,7 +169,8 @@ class BlockLoop:
             self._sees_more = observers.may_pass(stepper.loops.scratch)
             if sees:
                 observers.look(h, count, state["q"], state["v"], stepper.loops.parallel)
-        stepper.particles(state, leg.clock, numbers, leg.losses.retired.block, observers, count)
+        samples = leg.samples.of_particles(count) if copy is None else NO_SAMPLES
+        stepper.particles(state, leg.clock, numbers, leg.losses.retired.block, observers, count, samples)
         if count:
             leg.listing.judge(leg, count)
             for watcher in self._seeing:

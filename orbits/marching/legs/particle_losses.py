@@ -122,8 +122,8 @@ class ParticleLosses(LegWatcher):
         if lost is None:
             return None
         self._found = _Found(lost, leg.step + lost.steps, leg.way.reached(leg.stepper.state, lost), contacts)
-        # That step as well, if it may hit a body in it.
-        within = leg.way.within and leg.observers.touched_first_in(lost.steps + 1)
+        # That step as well, if it goes a part of it, in which there may be samples, or a body that it hits.
+        within = leg.way.within and leg.problem.retire and lost.steps < count
         return Interruption(lost.steps + within, Kind.LOST)
 
     def commit(self, leg: Leg, begun: int, last: Interruption | None) -> IntegrationError | None:
@@ -203,7 +203,8 @@ class ParticleLosses(LegWatcher):
             length = float(lengths[step])
             touched = losses.touching(leg.state_after, length, surfaces[other], own, other)
             if touched is not None:
-                now = step, Contact(body, touched[0], length, *touched[1:])
+                part, *there = touched
+                now = step, Contact(body, part, leg.time + part * length, *there)
                 known = found.setdefault(particle, now)
                 found[particle] = min(known, now, key=lambda one: (one[0], one[1].part))
         leg.times.step = begun

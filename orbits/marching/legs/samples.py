@@ -3,8 +3,9 @@
 The state within a step is that after a partial step of the method from the state at its beginning with its low parts,
 which are recorded where samples lie within steps: of a block of steps, all in one compiled call. A method that marches
 other variables than those seen, or whose carry has more than a guess, needs the carry after each step, which is
-recorded in blocks with several samples. Massless particles follow the stages of a step: to each of their samples a copy
-is marched.
+recorded in blocks with several samples. Massless particles with clocks of their own take a part of a step up to a
+sample when they come to it; those that follow the stages of a step cannot, and to each of their samples a copy is
+marched.
 """
 
 from __future__ import annotations
@@ -16,10 +17,13 @@ from weakref import proxy
 import numpy as np
 
 from orbits.errors import IntegrationError
-from orbits.integrators.forms import Array
+from orbits.integrators.forms import Array, padded
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.steps import OK
 from orbits.marching.clocks.step_times import UNLIMITED, Behind, Place, Places
+from orbits.marching.following.contract import NO_SAMPLES, SamplesInBlock
+from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.legs import within_step
 from orbits.marching.legs.interruptions import LegWatcher
 
@@ -28,6 +32,11 @@ if TYPE_CHECKING:
     from orbits.marching.legs.march import March
 
 _NOTHING = np.zeros((0, 2, 0))
+
+SHOWN_BYTES = 4 * 1024 * 1024
+"""Size of the states of particles at the samples of a block, between which there are at least sixteen."""
+
+_NOWHERE = Places(np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 class Samples:
@@ -56,6 +65,12 @@ class Samples:
         """Return (q, v), each (m, n, 3), at the first m >= 1 of these places, up to which the march has advanced."""
         q, v = self._march.state_at(places.at(0))
         return q[None], v[None]
+
+    def of_particles(self, count: int) -> SamplesInBlock:
+        """Return the samples in the block of `count` steps that the massive bodies have just taken at which particles
+        are to be shown as they follow.
+        """
+        return NO_SAMPLES
 
     def accounts(self) -> Array:
         """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
@@ -128,13 +143,17 @@ class SamplesOfLeg(Samples, LegWatcher):
 
     def _in_next_step(self, places: Places) -> tuple[Array, Array]:
         """The same, by partial steps; an IntegrationError if the step, or a part of it, cannot be taken."""
-        state, behind = self._leg.times.ahead_of(self._leg, places)
+        state, behind, numbers = self._leg.times.ahead_of(self._leg, places)
+        self._let_follow(behind, numbers)
         count = len(behind.steps) if self._reads_carries else 0
         carries = np.repeat(state["memory"][None], count, axis=0) if count else None
         path = np.empty((len(behind.steps), 4, len(state["q"])))
         for row, name in enumerate(("q", "v", "q_lo", "v_lo")):
             path[:, row] = state[name]
         return self._behind(path, carries, behind)
+
+    def _let_follow(self, behind: Behind, numbers: Array | None) -> None:
+        """Let particles follow the bodies in the step of `Ahead`, up to places in it."""
 
     def accounts(self) -> Array:
         """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
@@ -189,6 +208,83 @@ class SamplesOfParticles(SamplesOfLeg):
         return q, v
 
 
+class SamplesByOwnClocks(SamplesOfLeg):
+    """States at samples, also of massless particles with clocks of their own: they are shown where they come by."""
+
+    def __init__(self, leg: Leg) -> None:
+        super().__init__(leg)
+        self._places, self._shown, self._steps = _NOWHERE, NO_SAMPLES, 0
+        columns = padded(len(leg.problem.particles))
+        self._room = leg.block + 1, max(16, SHOWN_BYTES // (48 * columns)), columns
+
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to."""
+        _, most, _ = self._room
+        count = min(super().together(places), most)
+        self._places = places.between(0, count) if count > 1 else _NOWHERE
+        return count
+
+    def of_particles(self, count: int) -> SamplesInBlock:
+        """Return the samples in the block that the massive bodies have just taken, at which particles are shown."""
+        if not len(self._places.steps):
+            return NO_SAMPLES
+        return self._samples_in(self._leg.times.behind(self._places), count)
+
+    def _samples_in(self, behind: Behind, steps: int) -> SamplesInBlock:
+        """Return samples behind the beginnings of the steps of a block of `steps` steps, of whose states nothing is
+        known.
+        """
+        count, self._steps = len(behind.steps), steps
+        if count > len(self._shown.behind):
+            block, _, columns = self._room
+            states = np.zeros((count, 6, columns))
+            self._shown = SamplesInBlock(np.zeros(block, dtype=np.int64), np.zeros(count), states)
+        self._shown.first[: steps + 1] = np.searchsorted(behind.steps, np.arange(steps + 1))
+        self._shown.behind[:count] = behind.parts
+        self._shown.states[:count] = np.nan
+        return self._shown
+
+    def in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched."""
+        self._places = _NOWHERE
+        return super().in_block(places)
+
+    def _let_follow(self, behind: Behind, numbers: Array | None) -> None:
+        """Let copies of the particles follow the bodies in the step that these have just taken."""
+        if numbers is None:
+            raise IntegrationError("the bodies have not taken the step alone.")
+        leg, samples = self._leg, self._samples_in(behind, 1)
+        counts, retired = leg.stepper.counts(), leg.losses.retired
+        retired.begin()
+        copy = {name: x.copy() for name, x in leg.stepper.state.items() if name.startswith("particle_")}
+        leg.stepper.particles(copy, leg.clock, numbers, retired.block, None, 1, samples)
+        leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
+
+    def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
+        """Return the states behind those of a path, and those of particles, which have been shown; NaN where they are
+        gone. Raises an IntegrationError if one could not be followed that is there.
+        """
+        x = super()._behind(path, carries, behind)
+        leg, count = self._leg, len(behind.steps)
+        problem, state = leg.problem, leg.stepper.state
+        m, retired = len(problem.particles), leg.losses.retired
+        shown = self._shown.states[:count, :, :m].reshape(count, 2, 3, m)
+        shown[behind.steps == self._steps] = np.stack([state[f"particle_{name}"][:, :m] for name in "qv"])
+        missing, gone = np.isnan(shown).any(axis=(1, 2)), retired.gone()
+        if (missing & ~(gone & problem.retire)).any():
+            raise IntegrationError("a massless body cannot be followed to a sample.")
+        when = behind.begun - leg.times.start + behind.parts
+        late = (when[:, None] - state["particle_clock"][:, REACHED]) * leg.clock.direction > 0.0
+        missing |= late & (retired.table()[:, 0] != OK)
+        out = np.empty((2, count, len(problem.bodies) + m, 3))
+        for k in range(2):
+            out[k][:, problem.bodies] = x[k]
+            out[k][:, problem.particles] = np.where(missing[:, None], np.nan, shown[:, k]).swapaxes(1, 2)
+        return out[0], out[1]
+
+
 def samples_of(leg: Leg) -> SamplesOfLeg:
     """Return how the states of a leg at samples come about."""
-    return SamplesOfParticles(leg) if len(leg.problem.particles) else SamplesOfLeg(leg)
+    if not len(leg.problem.particles):
+        return SamplesOfLeg(leg)
+    return SamplesByOwnClocks(leg) if leg.stepper.loops.shows_samples else SamplesOfParticles(leg)

@@ -17,6 +17,7 @@ from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NOT_CONVERGED, OK, TOO_SHORT
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import StepTimes
+from orbits.marching.following.contract import NO_SAMPLES, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps
 from orbits.marching.legs.problem import Problem
 from orbits.marching.stepping.bound_loops import BoundLoops
@@ -96,14 +97,15 @@ class Stepper:
         retired: NDArray[np.int64],
         observers: Observers | None,
         count: int,
+        samples: SamplesInBlock = NO_SAMPLES,
     ) -> None:
         """Let the massless particles follow the `count` steps that the bodies have just taken.
 
-        retired : see `Retired.block`; observers : what observes them, or None
+        retired : see `Retired.block`; observers : what observes them, or None; samples : within the block, to be shown
         """
         if self.loops.tasks:
             bound = self.loops.bound(clock, numbers)
-            self.particle_evaluations += self.loops.march_particles(state, bound, retired, observers, count)
+            self.particle_evaluations += self.loops.march_particles(state, bound, retired, observers, count, samples)
 
     def _met_in(self, state: State, before: Mapping[str, Array]) -> list[int]:
         """Return the bodies, numbered as by the caller, that met in the one step from a state to one that is not

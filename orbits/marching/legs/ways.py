@@ -138,7 +138,7 @@ class ByOwnClocks(InLanes):
                 one = contacts[particle]
                 reached["particle_q"][:, k], reached["particle_v"][:, k] = one.q, one.v
                 reached["particle_q_lo"][:, k] = reached["particle_v_lo"][:, k] = 0.0
-                reached["particle_clock"][k, REACHED] = leg.time + one.part * one.length
+                reached["particle_clock"][k, REACHED] = one.time
         _write(leg.stepper.state, lost, reached)
 
     def stop(self, state: State, particles: NDArray[np.intp], time: float) -> None:

@@ -15,7 +15,7 @@ from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import NOWHERE, Share, State, Storage
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.following.contract import Block, Followers
+from orbits.marching.following.contract import NO_SAMPLES, Block, Followers, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
 from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.stepping import driver
@@ -57,6 +57,7 @@ class BoundLoops:
 
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Leg`
+    shows_samples : whether massless particles are shown at samples within a block
     ready : the next block, if it was computed along with those of other systems
     observed : whether the block marched last was, and closest approaches have been looked for in it
     """
@@ -116,6 +117,7 @@ class BoundLoops:
         self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=True))
         self.times = np.zeros(clock.room(self.steps, 4 * vector[0] + math.prod(shapes["memory"])))
         self._reads_path = self._follower is not None and self._follower.reads_path
+        self.shows_samples = self._follower is not None and self._follower.shows_samples
         recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
         self._keeps, self._keeps_lows, self._lows = False, False, _NOTHING
@@ -124,7 +126,7 @@ class BoundLoops:
         self._march = driver.march if self.parallel is None else self.parallel.march
         self._now, self._count = _NOTHING, np.zeros(1, dtype=np.int64)
         # What the records for particles were made of, and these: of the march itself, and of copies, not observed.
-        self._bound_to: dict[bool, tuple[Any, Any]] = dict.fromkeys((False, True), ([None] * 7, None))
+        self._bound_to: dict[bool, tuple[Any, Any]] = dict.fromkeys((False, True), ([None] * 8, None))
         self.tasks = range(self._helpers.members if m else 0)
         self.tracks = [np.zeros((0, WIDTH))] if self._follower is None else [self._follower.track]
 
@@ -285,11 +287,12 @@ class BoundLoops:
         retired: NDArray[np.int64],
         watcher: Observers | None,
         count: int,
+        samples: SamplesInBlock = NO_SAMPLES,
     ) -> int:
         """March the massless particles through the `count` steps that the bodies have just taken; return how many
         evaluations there were.
 
-        retired : see `Retired.block`; watcher : what observes them, or None
+        retired : see `Retired.block`; watcher : what observes them, or None; samples : within the block, to be shown
         """
         if self._follower is None:
             return 0
@@ -297,7 +300,7 @@ class BoundLoops:
         if len(self._now) != len(now):
             self._now = np.empty_like(now)
         self._now[:], self._count[0] = now, count
-        sources = state, coefficients, *self._record, retired, watcher, self._now
+        sources = state, coefficients, *self._record, retired, watcher, samples, self._now
         known, records = self._bound_to[watcher is None]
         if not all(map(is_, sources, known)):
             columns = _particles_in(state)
@@ -306,7 +309,7 @@ class BoundLoops:
                 Block(
                     coefficients, parameters, self._now, times, self._count, self._stages, self._begun, *self._record
                 ),
-                Followers(columns, state["particle_memory"], clocks, retired),
+                Followers(columns, state["particle_memory"], clocks, retired, samples),
             )
             self._bound_to[watcher is None] = sources, records
         block, particles = records

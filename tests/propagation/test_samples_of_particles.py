@@ -1,0 +1,52 @@
+"""Samples of massless bodies with clocks of their own: shown as they come by, they cost no block and change nothing."""
+
+import numpy as np
+import pytest
+
+import orbits
+from orbits.marching.legs.block_loop import BlockLoop
+
+from ..problems import three_bodies
+
+NAMES = [*"abc", "p", "q", "r", "s"]
+
+
+def crowd(mass=0.0):
+    """Three bodies, three that move among them, and a satellite with steps of its own; `mass` : GM of these four."""
+    gm, q, v = three_bodies(particles=4)
+    q[-1], v[-1] = q[1] + [0.03, 0.0, 0.0], v[1] + [0.0, 0.5, 0.3]
+    return orbits.System(NAMES, gm=np.where(gm > 0.0, gm, mass), q=q, v=v, units=orbits.DIMENSIONLESS)
+
+
+def blocks_of(monkeypatch, **options):
+    """Return a run, and the number of its blocks."""
+    taken, one_block = [], BlockLoop.one_block
+    monkeypatch.setattr(BlockLoop, "one_block", lambda self, most: taken.append(most) or one_block(self, most))
+    run = orbits.propagate(crowd(), progress=False, **options)
+    monkeypatch.undo()
+    return run, len(taken)
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forwards", "backwards"])
+def test_samples_end_no_block_and_change_nothing(monkeypatch, direction):
+    few, least = blocks_of(monkeypatch, duration=30.0 * direction, samples=2)
+    many, blocks = blocks_of(monkeypatch, duration=30.0 * direction, samples=701)
+    assert blocks <= least + 1
+    assert few.statistics.steps == many.statistics.steps < 701
+    assert few.statistics.particle_evaluations == many.statistics.particle_evaluations
+    for name in ("q", "v"):
+        assert np.array_equal(getattr(few, name)[-1], getattr(many, name)[-1])
+    some, _ = blocks_of(monkeypatch, duration=30.0 * direction, samples=71)
+    assert np.array_equal(some.q, many.q[::10])
+    threads, _ = blocks_of(monkeypatch, duration=30.0 * direction, samples=71, threads=2)
+    assert np.array_equal(some.q, threads.q)
+    assert np.array_equal(some.v, threads.v)
+
+
+def test_samples_are_where_bodies_with_a_mass_that_moves_nothing_are():
+    """Their steps are those of all bodies: 2e-13 apart, as the two runs are at the ends of steps."""
+    options = {"duration": 6.0, "samples": 301, "progress": False}
+    particles, bodies = orbits.propagate(crowd(), **options), orbits.propagate(crowd(1e-40), **options)
+    assert particles.statistics.steps < 301
+    np.testing.assert_allclose(particles.q, bodies.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(particles.v, bodies.v, rtol=0, atol=1e-12)
