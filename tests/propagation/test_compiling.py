@@ -71,6 +71,7 @@ def test_a_terminal_shows_the_seconds_and_then_an_empty_line(monkeypatch, impati
 
 def test_a_log_gets_one_line_and_only_from_a_command(monkeypatch, impatient, capsys):
     monkeypatch.setattr(compiling.words, "_logged", False)
+    monkeypatch.setattr(compiling.words, "in_logs", False)
     compiles(0.1)
     assert capsys.readouterr().err == ""
     monkeypatch.setattr(compiling.words, "in_logs", True)

@@ -184,6 +184,19 @@ def test_what_is_sought_between_few_of_many_samples_is_all_that_there_is_to_the_
     same(together, sought(SEVERAL, **options).events)
 
 
+@pytest.mark.parametrize("within", [0.3, 0.4])
+def test_ways_on_which_bodies_stay_apart_are_left_out_and_no_approach_is(within, monkeypatch):
+    options = {"events": CloseApproach("probe", within=within), "duration": 60.0, "samples": 1501}
+    sought_between, real = [], ParticleSearches._one
+    monkeypatch.setattr(ParticleSearches, "_one", lambda *given: sought_between.append(0) or real(*given))
+    found = sought(**options).events
+    ways = len(sought_between)
+    one_by_one(monkeypatch)
+    same(found, sought(**options).events)
+    assert len(found) > 1
+    assert ways < 0.1 * 1500
+
+
 @pytest.mark.nightly
 def test_events_on_a_rough_motion_do_not_depend_on_when_an_archive_is_written(tmp_path, monkeypatch):
     """Elements along kicks and drifts turn with the phase of the step, from sample to sample of another one."""

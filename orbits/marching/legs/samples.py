@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 _NOTHING = np.zeros((0, 2, 0))
 
-SHOWN_BYTES = 4 * 1024 * 1024
-"""Size of the states of particles at the samples of a block, between which there are at least sixteen."""
+SHOWN_BYTES = 16 * 1024 * 1024
+"""Size of the states of particles at the samples of a block, at the most; one sample takes as much as it takes."""
 
 _NOWHERE = Places(np.zeros(0, dtype=np.int64), np.zeros(0))
 
@@ -215,7 +215,7 @@ class SamplesByOwnClocks(SamplesOfLeg):
         super().__init__(leg)
         self._places, self._shown, self._steps = _NOWHERE, NO_SAMPLES, 0
         columns = padded(len(leg.problem.particles))
-        self._room = leg.block + 1, max(16, SHOWN_BYTES // (48 * columns)), columns
+        self._room = leg.block + 1, max(1, SHOWN_BYTES // (48 * columns)), columns
 
     def together(self, places: Places) -> int:
         """Return how many of these places the next block may lead to."""
@@ -243,6 +243,11 @@ class SamplesByOwnClocks(SamplesOfLeg):
         self._shown.behind[:count] = behind.parts
         self._shown.states[:count] = np.nan
         return self._shown
+
+    def ahead(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at those of these places that lie in the next step with any, or at fewer."""
+        _, most, _ = self._room
+        return super().ahead(places.between(0, most))
 
     def in_block(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (m, n, 3), at places in the block just marched."""

@@ -173,6 +173,7 @@ class Bound:
 
     words : what a zero is called where the function falls in time, and where it rises; None if that is not sought
     pairs : (columns, 2), the numbers of the bodies of each column; `NOBODY` for none
+    within : the distance of the bodies of a pair beyond which a zero is no event
 
     All numbers are floats in the units of the system; t is (m,), since the epoch; q and v are (m, n, 3), of all bodies
     in the order of the system.
@@ -180,6 +181,8 @@ class Bound:
 
     sought: ClassVar[bool] = True
     """Whether the zeros of a function are sought; otherwise the march finds it, as it does collisions."""
+
+    within: float = np.inf
 
     def __init__(self, words: tuple[str | None, str | None], pairs: Any) -> None:
         self.words = words

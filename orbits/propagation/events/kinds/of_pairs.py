@@ -57,7 +57,7 @@ class Approaching(PairBound):
 
     def __init__(self, words: tuple[str | None, str | None], pairs: Any, within: float = np.inf) -> None:
         super().__init__(words, pairs)
-        self._within = within
+        self.within = within
 
     def of(self, q: Array, v: Array) -> Array:
         """Return q.v."""
@@ -70,7 +70,7 @@ class Approaching(PairBound):
     def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
         """Return which are within the distance."""
         apart, _ = self.apart(q, v, columns)
-        return np.asarray(dot(apart, apart) <= self._within**2)
+        return np.asarray(dot(apart, apart) <= self.within**2)
 
 
 class Distance(PairBound):

@@ -15,7 +15,7 @@ from orbits.propagation.events.base import NOBODY, STOP, Array, Bound, Found, Wh
 from orbits.propagation.events.bodies_left import Left, sides_of
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.log import Log
-from orbits.propagation.events.search.brackets import NotFiniteError, Stretch, brackets_of
+from orbits.propagation.events.search.brackets import NotFiniteError, Stretch, brackets_of, may_come_within
 from orbits.propagation.events.search.meaning import (
     SAME,
     are_at_start,
@@ -186,16 +186,18 @@ class MotionSearch:
         return self.seek(motion, False)
 
     def may_be(self, motion: Motion) -> Array:
-        """Return the times between which there may be events in a motion, (2, m): those of the steps with brackets of
-        zeros, and of half a step beside them. Raises NotFiniteError.
+        """Return the times between which there may be events in a motion whose steps resolve all passages, (2, m):
+        those of the steps with brackets of zeros, and of half a step beside them. Raises NotFiniteError.
         """
         stretch, found = Stretch(motion, self._there, self._needed), [np.empty((2, 0))]
         lengths, nothing = np.diff(stretch.times), np.empty(0, dtype=np.int64)
         self._longest = max(self._longest, float(np.abs(lengths).max(initial=0.0)))
-        for parts, failure in brackets_of([self._bounds[number] for number in self.numbers], stretch):
+        bounds = [self._bounds[number] for number in self.numbers]
+        for bound, (parts, failure) in zip(bounds, brackets_of(bounds, stretch), strict=True):
             if failure is not None:
                 raise failure
-            steps = np.unique(np.concatenate([nothing, *(some.steps for some in parts)]))
+            close = (some.of(may_come_within(bound, stretch, some)) for some in parts)
+            steps = np.unique(np.concatenate([nothing, *(some.steps for some in close)]))
             found.append(stretch.times[steps] + lengths[steps] * np.array([[-0.5], [1.5]]))
         return np.concatenate(found, axis=1)
 

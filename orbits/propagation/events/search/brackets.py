@@ -26,6 +26,9 @@ CHECKS = np.concatenate([[0.0], NODES])
 FRACTIONS = np.concatenate([CHECKS, CHECKS + APART, [1.0 - APART, 1.0]])
 """Where functions are computed in each step: at its begin and the nodes, a little later, and at its end."""
 
+FASTER = 10.0
+"""How many times faster two bodies may become between two checks in a step that resolves their passage."""
+
 PLACES = np.concatenate([NODES, NODES + APART, [APART, 1.0 - APART, 1.0], np.ones(5)])
 """The same for functions that compiled code computes: see `orbits.kernels.search.zeros.PLACES`."""
 
@@ -184,6 +187,19 @@ class Brackets(NamedTuple):
     def joined(cls, parts: Sequence[Brackets]) -> Brackets:
         """Return those of several parts."""
         return cls(*(np.concatenate(some) for some in zip(*parts, strict=True)))
+
+
+def may_come_within(bound: Bound, stretch: Stretch, some: Brackets) -> NDArray[np.bool_]:
+    """Return between which checks two bodies may come as close as counts, even if they become `FASTER` in between."""
+    may = np.ones(len(some.steps), dtype=bool)
+    if bound.within < np.inf and len(may):
+        rows, pair = np.arange(len(may)), bound.pairs[some.columns]
+        durations = np.abs((some.high - some.low) * np.diff(stretch.times)[some.steps])
+        for fractions in (some.low, some.high):
+            _, *state = stretch.at(some.steps, fractions, rough=True)
+            apart, speed = (np.linalg.norm(x[rows, pair[:, 0]] - x[rows, pair[:, 1]], axis=1) for x in state)
+            may &= apart <= bound.within + FASTER * speed * durations
+    return may
 
 
 def _brackets_of_pairs(bound: Bound, how: tuple[int, Array], stretch: Stretch) -> list[Brackets]:
