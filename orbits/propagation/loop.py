@@ -24,7 +24,7 @@ from orbits.errors import (
 )
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.step_times import Place
-from orbits.marching.legs.march import March
+from orbits.marching.legs.march import AT_ONCE, March
 from orbits.propagation.checks.after_the_run import found_in
 from orbits.propagation.control.heartbeat import Beats, Heartbeat
 from orbits.propagation.control.progress import Progress
@@ -49,9 +49,6 @@ Array = NDArray[np.float64]
 
 Marching = Generator[Place | None, None, Trajectory]
 """A run that is marched block by block; see `marching`."""
-
-AT_ONCE = 256
-"""The most samples ahead of the march whose states are asked for together."""
 
 _NOTHING = np.zeros(0)
 

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place
+from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.samples import Samples
 
 if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
+
+AT_ONCE = 256
+"""The most states that are asked for together."""
 
 
 class March(ABC):
@@ -71,6 +75,36 @@ class March(ABC):
         """
         while self.is_before(place):
             self.approach(place)
+
+    def along(self, places: Places) -> Iterator[tuple[Array, Array]]:
+        """March on to ascending places, and yield (q, v), each (m, n, 3), at those in the next block, or in the next
+        step, until all are passed. Raises what `advance_to` raises, after the states before that.
+        """
+        done, count, singly = 0, len(places.steps), 0
+        while done < count:
+            some = places.between(done, min(done + AT_ONCE, count))
+            if not self.is_before(some.at(0)):
+                states = self.samples.ahead(some)
+                done += len(states[0])
+                yield states
+                continue
+            last = done + self.samples.together(some.between(0, 1) if done < singly else some)
+            failure: IntegrationError | None = None
+            try:
+                self.approach(places.at(last - 1))
+            except IntegrationError as error:
+                failure = error
+            passed = self.samples.passed(places.between(done, last)) if last > done + 1 else 0
+            if passed:
+                try:
+                    states = self.samples.in_block(places.between(done, done + passed))
+                except IntegrationError:  # no partial step to one of them: blocks end before each
+                    singly = last
+                    continue
+                done += passed
+                yield states
+            if failure is not None:
+                raise failure
 
     @abstractmethod
     def state(self) -> tuple[Array, Array]:

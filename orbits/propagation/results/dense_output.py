@@ -183,17 +183,17 @@ def _marched(
     accounts : of forces with internal variables, those at the known states, which those at the times replace
     """
     clock = trajectory.clock
-    again, known = None, 0
-    for k in np.argsort(times * clock.direction, kind="stable").tolist():
-        if not missing[k]:
-            continue
-        if again is None or before[k] != known:
-            known = int(before[k])
-            given = None if accounts is None else accounts[k].copy()
-            again = MarchedAgain(trajectory, float(begun[k]), *state(known), given)
-        q[k], v[k] = again.at(float(times[k]))
-        if accounts is not None:
-            accounts[k] = again.accounts()
+    order = np.argsort(times * clock.direction, kind="stable")
+    order = order[missing[order]]
+    for some in np.split(order, np.flatnonzero(np.diff(before[order])) + 1) if len(order) else ():
+        given = None if accounts is None else accounts[some[0]].copy()
+        again, done = MarchedAgain(trajectory, float(begun[some[0]]), *state(int(before[some[0]])), given), 0
+        for states in again.along(times[some]):
+            rows = some[done : done + len(states[0])]
+            q[rows], v[rows] = states
+            if accounts is not None:
+                accounts[rows] = again.accounts()
+            done += len(rows)
     whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)

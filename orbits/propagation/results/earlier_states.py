@@ -41,8 +41,10 @@ def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     march = bound(system, run.integrator, clock, threads=1, state=start)
     q, v = np.full((2, len(times), len(run.names), 3), np.nan)
     there = [run.names.index(name) for name in system.names]
-    for k in np.argsort(-times, kind="stable").tolist():
-        place = clock.place(float(times[k]) - first)
-        march.advance_to(place)
-        q[k, there], v[k, there] = march.state_at(place)
+    order, done = np.argsort(-times, kind="stable"), 0
+    for some in march.along(clock.places(times[order] - first)):
+        rows = order[done : done + len(some[0])]
+        done += len(rows)
+        for x, states in zip((q, v), some, strict=True):
+            x[rows[:, None], there] = states
     return q, v

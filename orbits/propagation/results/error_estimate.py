@@ -79,14 +79,14 @@ def _followed(run: Trajectory, clock: Clock, threads: int | None, stop: StopRequ
     out = np.full((len(run), len(run.names), 6), np.nan)
     marcher = bound(run.system, run.integrator, clock, threads)
     try:
-        for k in np.argsort(run.times * clock.direction, kind="stable").tolist():
+        order, done = np.argsort(run.times * clock.direction, kind="stable"), 0
+        for q, v in marcher.along(clock.places(run.times[order])):
+            for k, states in zip(order[done:].tolist(), zip(q, v, strict=True), strict=False):
+                for at, x, known in zip((0, 3), states, run._sample(k), strict=True):
+                    out[k, :, at : at + 3] = x - known
+            done += len(q)
             if stop.name:
                 break
-            place = clock.place(float(run.times[k]))
-            while marcher.is_before(place) and not stop.name:
-                marcher.approach(place)
-            for at, x, known in zip((0, 3), marcher.state_at(place), run._sample(k), strict=True):
-                out[k, :, at : at + 3] = x - known
     except IntegrationError as error:
         return out, str(error)
     finally:

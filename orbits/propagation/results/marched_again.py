@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +39,15 @@ class MarchedAgain:
         self._run, self._accounts = run, accounts
         self._begin(time, np.array(q), np.array(v))
 
+    def along(self, times: Array) -> Iterator[tuple[Array, Array]]:
+        """Yield q and v of all bodies, (m, n, 3), at the first m ascending times, and then at more of them, not before
+        those asked for earlier; NaN for those gone.
+        """
+        if self._run.changes is not None and len(self._run.changes):
+            yield from ((q[None], v[None]) for q, v in map(self.at, times.tolist()))
+        else:
+            yield from self.march.along(self._clock.places(times - self._start))
+
     def at(self, time: float) -> tuple[Array, Array]:
         """Return q and v of all bodies, (n, 3), at a time not before those asked for earlier; NaN for those gone."""
         direction, changes = self._run.clock.direction, self._run.changes
@@ -62,15 +72,16 @@ class MarchedAgain:
         return np.asarray((rows[:, GM] == GONE) & ~self._run.system.massive[rows[:, BODY].astype(int)])
 
     def accounts(self) -> Array:
-        """Return the accounts of the forces at the state returned last, (forces, 7 + inner), since the run began, if
-        they were given.
+        """Return the accounts of the forces at the states yielded last, (m or 1, forces, 7 + inner), since the run
+        began, if they were given.
         """
-        return self._with_those_before(self.march)
+        return self._with_those_before(self.march.samples.accounts())
 
-    def _with_those_before(self, march: Legs) -> Array:
-        accounts = march.accounts().copy()
+    def _with_those_before(self, accounts: Array) -> Array:
+        """Return the accounts of forces, (..., forces, 7 + inner), with those of the run before this march."""
+        accounts = accounts.copy()
         if self._accounts is not None:
-            accounts[:, :FIGURES] += self._accounts[:, :FIGURES]
+            accounts[..., :FIGURES] += self._accounts[:, :FIGURES]
         return accounts
 
     def _begin(self, time: float, q: Array, v: Array) -> None:
@@ -89,7 +100,7 @@ class MarchedAgain:
         if begun != time:
             home = self._bound(run.clock, time, state).home
             state = home.state_after(begun - time)
-            self._accounts = None if self._accounts is None else self._with_those_before(home)
+            self._accounts = None if self._accounts is None else self._with_those_before(home.accounts())
         self._clock, self._start, self._grid = run.clock, begun, -1
         if changed:
             step = run.clock.place(begun).steps

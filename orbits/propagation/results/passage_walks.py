@@ -75,9 +75,7 @@ class Walk:
                 q[k], v[k] = self.after(0.0)
             return q[rows], v[rows]
         ahead, k = self._clock.places(self._clock.direction * places - self._begun), 0
-        while k < len(places):
-            self.marcher.advance_to(ahead.at(k))
-            some = self.marcher.samples.ahead(ahead.between(k, len(places)))
+        for some in self.marcher.along(ahead):
             done = k + len(some[0])
             q[k:done], v[k:done] = some
             k = done
