@@ -6,7 +6,7 @@ Systems and trajectories offer pictures and files as methods, and so stand above
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, Self, overload
 
 import numpy as np
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from orbits.integrators.base import Integrator
     from orbits.lagrangians.terms.base import Term
     from orbits.marching.clocks.constant import Clock
-    from orbits.marching.clocks.step_times import Place
+    from orbits.marching.clocks.step_times import Places
     from orbits.point_masses import PointMasses
     from orbits.units import UnitSystem
 
@@ -82,11 +82,8 @@ class March(Protocol):
     def step(self) -> int:
         """Whole steps taken."""
 
-    def advance_to(self, place: Place) -> Any:
-        """Take all whole steps before a place, which must not lie behind."""
-
-    def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return q and v, (bodies, 3), at a place that the march has reached, without moving on."""
+    def along(self, places: Places) -> Iterator[tuple[Array, Array]]:
+        """March on to ascending places, and yield q and v, (m, bodies, 3), at the next m of them."""
 
     def close(self) -> None:
         """Release its resources."""

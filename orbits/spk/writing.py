@@ -27,7 +27,7 @@ from orbits.body_names import chosen, index_of
 from orbits.checks import checked_flag, positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place
+from orbits.marching.clocks.step_times import Places
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.spk import bodies as naif
 from orbits.spk import chebyshev, daf
@@ -240,10 +240,12 @@ def _coefficients(
         for at in range(0, grid.records, JOINABLE):
             block = order[at : at + JOINABLE]
             q, v = np.empty((2, len(block), chebyshev.NODES, len(run.names), 3))
-            for row, record in enumerate(block):
-                for node, place in _visits(grid, record, run.clock):
-                    march.advance_to(place)
-                    q[row, node], v[row, node] = march.state_at(place)
+            visits, done = _visits(grid, block, run.clock), 0
+            for states in march.along(visits.places):
+                some = slice(done, done + len(states[0]))
+                where = visits.rows[some], visits.nodes[some]
+                q[where], v[where] = states
+                done = some.stop
             if about is not None:
                 q, v = q - q[:, :, [about]], v - v[:, :, [about]]
             fit, loss = chebyshev.fitted(q[:, :, places] * km, v[:, :, places] * kms, grid.length / 2.0)
@@ -256,22 +258,30 @@ def _coefficients(
     return coefficients, lost
 
 
-def _visits(grid: _Grid, record: int, clock: Clock) -> list[tuple[int, Place]]:
-    """Return a record's nodes and their places, in the order in which a march by this clock reaches them.
+class _Visits(NamedTuple):
+    """Nodes of records in the order in which a march comes by: rows of a block and nodes, (m,), and their places."""
 
-    The end of the record that is reached first is computed exactly; the remainder is at most as long as a record.
+    rows: NDArray[np.intp]
+    nodes: NDArray[np.intp]
+    places: Places
+
+
+def _visits(grid: _Grid, block: Sequence[int], clock: Clock) -> _Visits:
+    """Return the nodes of a block of records.
+
+    The end of a record that is reached first is computed exactly; the remainder is at most as long as a record.
     """
-    nodes = chebyshev.nodes()
+    forwards, begun = clock.direction > 0, []
+    for record in block:
+        end = grid.offset + (record + (not forwards)) * Fraction(grid.length) / grid.seconds
+        begun.append(clock.place(end))
     length = float(Fraction(grid.length) / grid.seconds)
-    forwards = clock.direction > 0
-    end = grid.offset + (record + (not forwards)) * Fraction(grid.length) / grid.seconds
-    whole, begun = clock.place(end)
-    visits = []
-    for node in range(len(nodes)) if forwards else range(len(nodes) - 1, -1, -1):
-        rest = begun + length * ((1.0 + nodes[node]) / 2.0 if forwards else -(1.0 - nodes[node]) / 2.0)
-        more, left = clock.place(rest)
-        visits.append((node, Place(whole + more, left)))
-    return visits
+    parts = length * ((1.0 + chebyshev.nodes()) / 2.0 if forwards else -(1.0 - chebyshev.nodes()) / 2.0)
+    more = clock.places((np.array([place.rest for place in begun])[:, None] + parts).ravel())
+    steps = more.steps + np.repeat([place.steps for place in begun], len(parts))
+    rows, nodes = np.divmod(np.lexsort((more.rests * clock.direction, steps)), len(parts))
+    order = rows * len(parts) + nodes
+    return _Visits(rows, nodes, Places(steps[order], more.rests[order]))
 
 
 def _joined(coefficients: Array, lost: float, length: float, tolerance_km: float) -> tuple[Array, float, float]:
