@@ -152,6 +152,12 @@ def write_blocks(model, work, t, q, v, y, some, out):
 
 
 @kernel
+def blocks_of(tag, parameters, work, t, q, v, y, some, out):
+    """As `write_blocks`, for calls from Python: see `orbits.kernels.tangents.through_stages.follow`."""
+    write_blocks(Model(tag, parameters), work, t, q, v, y, some, out)
+
+
+@kernel
 def _turn(work, first, d, by_velocity, some, size):
     """Begin or end the derivatives along eight directions, those of the columns of `write_blocks` from `first` on."""
     n, m = work.q.shape[0] // 3, work.y.shape[0]

@@ -26,6 +26,7 @@ from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.ephemeris.chebyshev import given_in, held_by, place_given
 from orbits.kernels.lanes import any_lane, full, load, maximum, select, store
+from orbits.kernels.steps import Model
 from orbits.kernels.sums.summation import accumulate
 from orbits.kernels.tangents.by_duals import all_gradients, write_blocks
 from orbits.kernels.tangents.through_stages import FLOOR, NODE, STALLED, SWEEPS, WEIGHT, measure
@@ -62,12 +63,13 @@ class MomentaRoom(NamedTuple):
 
 
 @kernel
-def follow_momenta(model, table, course, before, fan, some, inertia, scale, room):
+def follow_momenta(tag, parameters, table, course, before, fan, some, inertia, scale, room):
     """As `orbits.kernels.tangents.through_stages.follow`, with vectors of dq and dw, (groups, 4, e + P, 8), and kicks
     (groups, s (e + d), 8): L and K.
 
     before : not used: the stages start from those of the step before, whatever its length
     """
+    model = Model(tag, parameters)
     for k in range(course.lengths.shape[0]):
         t, h = course.times[k], course.lengths[k]
         if h == 0.0:  # with which a march may end

@@ -23,7 +23,7 @@ from orbits.kernels.gravity.terms_and_forces import acted_on
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.lanes.dual import NUMBERS
 from orbits.kernels.steps import Model
-from orbits.kernels.tangents.by_duals import OnDuals, write_blocks
+from orbits.kernels.tangents.by_duals import OnDuals, blocks_of
 from orbits.kernels.tangents.through_momenta import MomentaRoom, follow_momenta
 from orbits.kernels.tangents.through_stages import ETA, Course, Fan, Room, follow
 from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
@@ -120,7 +120,7 @@ class Tangents(InLanes):
         kernel = follow_momenta if self._with_momenta else follow
         others = self._some, self._inertia, self._scale, self._room
         with known_derivatives(self._lagrangian, self._forces):
-            done = kernel(self._model, self._table, course, self._before, fan, *others)
+            done = kernel(*self._model, self._table, course, self._before, fan, *others)
         self._before = float(course.lengths[-1])
         size = 3 * len(self._inertia)
         q, v = (x[:size].reshape(3, -1).T.ravel() for x in course.path[-1])
@@ -176,7 +176,7 @@ def momenta_of(
     rows = d + m + len(duals.count)
     x, w = (np.ascontiguousarray(each.reshape(-1, 3).T).ravel() for each in (q, v))
     out = np.zeros((2, d + m, rows + d + WIDTH))
-    write_blocks(model, duals, t, x, w, y, some, out)
+    blocks_of(*model, duals, t, x, w, y, some, out)
     return out[1, :d, :rows], out[1, :d, rows : rows + d] + np.eye(d)
 
 
