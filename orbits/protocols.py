@@ -83,7 +83,7 @@ class March(Protocol):
         """Whole steps taken."""
 
     def along(self, places: Places) -> Iterator[tuple[Array, Array]]:
-        """March on to ascending places, and yield q and v, (m, bodies, 3), at the next m of them."""
+        """March on to ascending places, and yield q and v, (m, bodies, 3), at the next m >= 0 of them."""
 
     def close(self) -> None:
         """Release its resources."""

@@ -12,6 +12,8 @@ from astropy import units as u
 import orbits
 from orbits.elements import state_from_elements
 from orbits.errors import InputError, Interrupted, UnknownNameError
+from orbits.marching.legs.block_loop import BlockLoop
+from orbits.marching.stepping import bound_loops
 from orbits.propagation.results import error_estimate
 from orbits.regression.reference import exact
 from orbits.results import error_bars
@@ -287,6 +289,28 @@ def test_an_interrupt_of_the_estimate_leaves_the_run(monkeypatch):
     with pytest.raises(Interrupted, match="Ctrl-C came while the error was estimated") as caught:
         run_of(planets(), error_estimate=True)
     assert len(caught.value.trajectory) == 13
+
+
+def test_an_estimate_ends_after_the_block_in_which_it_is_interrupted(monkeypatch):
+    class Later(error_estimate.StopRequest):
+        asked = 0
+
+        @property
+        def name(self):
+            self.asked += 1
+            return "Ctrl-C" if self.asked > 2 else ""
+
+        @name.setter
+        def name(self, name):
+            pass
+
+    run, marched, real = run_of(planets(), samples=2), [], BlockLoop.one_block
+    monkeypatch.setattr(error_estimate, "StopRequest", Later)
+    monkeypatch.setattr(bound_loops, "PATH_BYTES", 1)
+    monkeypatch.setattr(BlockLoop, "one_block", lambda self, most: marched.append(most) or real(self, most))
+    with pytest.raises(Interrupted):
+        run.error_estimate(threads=1)
+    assert len(marched) < 8 < run.statistics.steps / bound_loops.LEAST_BLOCK
 
 
 @pytest.mark.nightly

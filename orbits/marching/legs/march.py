@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 AT_ONCE = 256
 """The most states that are asked for together."""
 
+_NONE = np.empty((0, 1, 3)), np.empty((0, 1, 3))
+
 
 class March(ABC):
     """A march of a run.
@@ -77,8 +79,8 @@ class March(ABC):
             self.approach(place)
 
     def along(self, places: Places) -> Iterator[tuple[Array, Array]]:
-        """March on to ascending places, and yield (q, v), each (m, n, 3), at those in the next block, or in the next
-        step, until all are passed. Raises what `advance_to` raises, after the states before that.
+        """March on to ascending places, and yield (q, v), each (m, n, 3), at those in the next block, if any, or in the
+        next step, until all are passed. Raises what `advance_to` raises, after the states before that.
         """
         done, count, singly = 0, len(places.steps), 0
         while done < count:
@@ -95,6 +97,7 @@ class March(ABC):
             except IntegrationError as error:
                 failure = error
             passed = self.samples.passed(places.between(done, last)) if last > done + 1 else 0
+            states = _NONE
             if passed:
                 try:
                     states = self.samples.in_block(places.between(done, done + passed))
@@ -102,7 +105,7 @@ class March(ABC):
                     singly = last
                     continue
                 done += passed
-                yield states
+            yield states
             if failure is not None:
                 raise failure
 
