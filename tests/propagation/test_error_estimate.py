@@ -309,7 +309,7 @@ def test_an_estimate_ends_after_the_block_in_which_it_is_interrupted(monkeypatch
     monkeypatch.setattr(bound_loops, "PATH_BYTES", 1)
     monkeypatch.setattr(BlockLoop, "one_block", lambda self, most: marched.append(most) or real(self, most))
     with pytest.raises(Interrupted):
-        run.error_estimate(threads=1)
+        run.error_estimate()
     assert len(marched) < 8 < run.statistics.steps / bound_loops.LEAST_BLOCK
 
 
