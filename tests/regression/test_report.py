@@ -49,6 +49,12 @@ def test_the_errors_of_many_methods_are_all_in_the_table_and_their_names_are_who
     assert heads == [f"h_8_6_{k}" for k in range(count)]  # in narrower columns words are broken anywhere
 
 
+def test_brackets_in_a_title_are_part_of_it():
+    named = make(NINE, NINE)
+    named.settings["title"] = "Nine bodies [all of them] [/]"
+    assert named.table.splitlines()[0] == "Nine bodies [all of them] [/]"
+
+
 def test_many_bodies_are_summed_up_and_few_are_listed():
     few, many = make(NINE, NINE).table, make(MANY, NINE).table
     assert "Planet 4" in few
