@@ -232,6 +232,26 @@ def test_the_impact_parameter_is_that_of_the_light():
     np.testing.assert_allclose(table["impact_parameter"], expected, rtol=1e-12)
 
 
+def test_the_impact_parameter_is_in_radii_of_the_star_whoever_merged_before():
+    """A body that stands before the star falls into it before the first transit, which leaves the others' places."""
+    bodies = system()
+    fallen = orbits.System(
+        ["stone", *bodies.names],
+        np.append(1e-15 * bodies.values.gm[0], bodies.values.gm),
+        np.vstack([[0, 1.2e-3, 0], bodies.values.q]),
+        np.vstack([[0, -0.02, 0], bodies.values.v]),
+        epoch=EPOCH,
+        units=bodies.units,
+        radii=np.append(1e-8, bodies.radii.value),
+    )
+    sought = [Transit("b", "star", observer=orbits.along())]
+    alone = orbits.propagate(bodies, duration=3 * u.day, events=sought).transits("b")
+    merging = orbits.events.Collision(then=orbits.events.Merge())
+    run = orbits.propagate(fallen, duration=3 * u.day, events=[*sought, merging])
+    assert run.legs[-1].time < alone["time"][0]
+    np.testing.assert_allclose(run.transits("b")["impact_parameter"], alone["impact_parameter"], rtol=1e-9)
+
+
 def test_transits_of_circles_seen_edge_on_are_found_wherever_rounding_puts_the_pericentre():
     """The vector to the pericentre of a circle is rounding, which may lie across the orbit alone: 15 of these did."""
     rng, gm, a = np.random.default_rng(1), 2.36e-4, 0.0531
