@@ -243,6 +243,9 @@ def test_what_is_no_run_and_a_run_without_samples_are_refused(run: orbits.Trajec
         orbits.view(run.system)  # type: ignore[arg-type]
     with pytest.raises(orbits.errors.InputError, match="no samples yet"):
         orbits.view(run[:0], show=False)
+    with pytest.raises(orbits.errors.InputError, match="not in the order of time"):
+        orbits.view(run.at(run.t[[3, 1, 2]]), show=False)
+    assert orbits.view(run[::-1], show=False).html()
     with pytest.raises(orbits.errors.InputError, match="limit"):
         orbits.view(run, show=False, limit=-1)
 
