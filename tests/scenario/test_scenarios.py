@@ -470,6 +470,15 @@ def test_a_tolerance_that_is_exceeded_is_a_failure_with_its_numbers(tmp_path):
     assert not json.loads((tmp_path / "report.json").read_text())["ok"]
 
 
+def test_tolerances_of_methods_that_are_not_run_are_left_out_by_name_and_label():
+    own = {"StormerVerlet()": {"energy": 1e-3}, "Gauss": {"energy": 1e-9}, "gauss(stages=4)": {"energy": 1e-9}}
+    scenario = pair(tolerances={"position": 1.0, **own, "Gaus": {"energy": 1.0}})
+    assert scenario.demands().keys() == {"position", "Gauss", "gauss(stages=4)", "Gaus"}
+    assert scenario.with_changes(integrators=[orbits.StormerVerlet()]).demands().keys() == {
+        "position", "StormerVerlet()", "Gaus",
+    }  # fmt: skip
+
+
 def test_tolerances_are_judged_also_without_peers(tmp_path):
     outcome = perform(pair(tolerances={"position": 1e-30}), out=tmp_path, plot=False)
     assert not outcome.ok
