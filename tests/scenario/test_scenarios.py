@@ -479,6 +479,20 @@ def test_tolerances_of_methods_that_are_not_run_are_left_out_by_name_and_label()
     }  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"against": ["whfsat"]}, "no peer is called 'whfsat'"),
+        ({"tolerances": {"position": {"plant": 1.0}}}, "no key 'plant'"),
+        ({"against": ["ias15"], "system": orbits.System.solar_system(model="relativistic")}, "Newton's gravity alone"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_before_the_runs(changes, said, tmp_path):
+    with pytest.raises(InputError, match=said):
+        perform(pair(**changes), out=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_tolerances_are_judged_also_without_peers(tmp_path):
     outcome = perform(pair(tolerances={"position": 1e-30}), out=tmp_path, plot=False)
     assert not outcome.ok
