@@ -159,6 +159,8 @@ def residuals(
     """
     if not isinstance(run, Trajectory):
         raise InputError(f"run is {shown(run)}; expected a run of orbits.propagate.")
+    if not len(run):
+        raise InputError(f"{run!r} has no samples yet, so there is nothing to compare; expected at least one.")
     check_physical(run.system.units, "orbits.residuals")
     days = np.asarray(run.t.to_value(u.day))
     with _common(run.system, against, days, bodies, ids) as (kernel, known, missing, whole, rests):

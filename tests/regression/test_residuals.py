@@ -138,6 +138,8 @@ def test_what_has_no_ephemeris_is_refused(run, tmp_path):
     shutil.copy(data_path("de440_2000_2030.bsp"), excerpt)
     with pytest.raises(EpochError, match=r"is outside excerpt.bsp, which has body 5 from JD 2451\d+"):
         orbits.residuals(beyond, excerpt)
+    with pytest.raises(InputError, match="no samples yet, so there is nothing to compare"):
+        orbits.residuals(run[:0])
     with pytest.raises(InputError, match="there is no file"):
         orbits.residuals(run, tmp_path / "missing.bsp")
     foreign = tmp_path / "foreign.bsp"
