@@ -131,6 +131,16 @@ def test_bodies_that_the_kernel_does_not_have_are_said(run, tmp_path):
         orbits.residuals(made, bodies=["Sun"])
 
 
+def test_a_body_that_was_lost_has_null_in_json(run):
+    lost = orbits.residuals(run)
+    name = next(iter(lost.km))
+    lost.km[name][-1] = np.nan
+    found = json.loads(lost.to_json(), parse_constant=pytest.fail)
+    assert found["largest_km"][name] is None
+    assert found["km"][name][-1] == [None, None, None]
+    assert lost.record()["last_tenth_km"][name] is None
+
+
 def test_what_has_no_ephemeris_is_refused(run, tmp_path):
     late = orbits.System.solar_system(epoch="2029-12-01", bodies=["Sun", "Jupiter"])
     beyond = orbits.propagate(late, orbits.Gauss(), dt=10.0, duration=100.0, samples=2, progress=False)
