@@ -14,6 +14,7 @@ import orbits
 from orbits.cli import app
 from orbits.errors import EpochError, InputError, UnknownNameError
 from orbits.lagrangians.series_in_files import series_of
+from orbits.regression.of_ephemeris import Residuals
 from orbits.resources import data_path
 from orbits.spk import daf
 
@@ -139,6 +140,19 @@ def test_a_body_that_was_lost_has_null_in_json(run):
     assert found["largest_km"][name] is None
     assert found["km"][name][-1] == [None, None, None]
     assert lost.record()["last_tenth_km"][name] is None
+
+
+def test_a_picture_counts_the_time_before_the_start_in_any_order_with_bodies_that_were_lost():
+    km = {"lost": np.full((3, 3), np.nan), "late": np.array([[4.0, 0, 0], [1, 0, 0], [np.nan, 0, 0]])}
+    axes = Residuals("a.bsp", "Gauss", np.array([-2.0, -1.0, -3.0]), km).plot().axes[0]
+    assert axes.get_xlabel() == "years before the start"
+    (line,) = [line for line in axes.lines if line.get_label() == "late"]
+    np.testing.assert_array_equal(line.get_xydata(), [[1, 1], [2, 4], [3, np.nan]])
+
+
+def test_a_single_sample_is_a_dot_in_the_picture_also_where_nothing_is_off():
+    axes = Residuals("a.bsp", "Gauss", np.zeros(1), {"Mars": np.zeros((1, 3))}).plot().axes[0]
+    assert [line.get_marker() for line in axes.lines if line.get_label() == "Mars"] == ["o"]
 
 
 def test_what_has_no_ephemeris_is_refused(run, tmp_path):
