@@ -241,7 +241,7 @@ def _differences(
 
 
 def split(against: str) -> tuple[str, list[str]]:
-    """Return the peers and the ephemerides of a text with commas, such as "de440,whfast:corrector=17"."""
+    """Return the peers and the ephemerides of a text with commas, such as "de440,whfast:corrector=17", these once."""
     pieces = [piece.strip() for piece in against.split(",")]
-    kernels = [piece for piece in pieces if is_kernel(piece)]
+    kernels = [*dict.fromkeys(piece for piece in pieces if is_kernel(piece))]
     return ",".join(piece for piece in pieces if piece not in kernels), kernels

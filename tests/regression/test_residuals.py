@@ -200,6 +200,21 @@ def test_the_command_line_compares_with_de440(tmp_path):
     assert again.exit_code == 0, again.output
 
 
+def test_kernels_of_one_name_in_two_folders_have_files_of_their_own(run, tmp_path):
+    paths = [tmp_path / folder / "a.bsp" for folder in "xy"]
+    for path, body in zip(paths, ["Jupiter", "Earth"], strict=True):
+        path.parent.mkdir()
+        run.to_spk(path, bodies=["Sun", body])
+    made = f"system=orbits.System.solar_system('2000-01-02', bodies={BODIES}), integrators='gauss', dt=1, duration=20"
+    scenario = f"import orbits\nscenario = orbits.scenarios.Scenario(name='two', title='Two', samples=3, {made})\n"
+    (tmp_path / "two.py").write_text(scenario)
+    typed = ["compare", str(tmp_path / "two.py"), "--against", f"{paths[0]},{paths[1]},{paths[0]}"]
+    done = CliRunner().invoke(app, [*typed, "--out", str(tmp_path), "--no-plot", "--json"])
+    found = json.loads(done.stdout)["cases"][""]
+    assert [list(each["largest_km"]) for each in found.values()] == [["Jupiter"], ["Earth"]]
+    assert len(list(tmp_path.glob("residuals-*.json"))) == 2
+
+
 def test_the_command_line_refuses_dates_that_no_kernel_has_before_the_run(tmp_path):
     excerpt = tmp_path / "excerpt.bsp"
     shutil.copy(data_path("de440_2000_2030.bsp"), excerpt)
