@@ -287,6 +287,11 @@ def _draw(outcome: Outcome) -> list[Path]:
     for name, case in outcome.cases.items():
         if case.report is not None:
             path = replaceable(outcome.folder / f"comparison{'-' + slug(name) if name else ''}.png")
+            if path in paths:
+                raise InputError(
+                    f"a figure is called {path.stem!r}, as the picture of the comparison is, which is left out; give "
+                    "it another name."
+                )
             case.report.plot(path)
             paths.append(path)
     return paths

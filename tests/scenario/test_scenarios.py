@@ -550,6 +550,16 @@ def test_an_error_in_the_scenarios_own_code_names_file_and_line(tmp_path):
     assert "test_scenarios.py, line" in failure
 
 
+def test_a_figure_is_not_replaced_by_the_picture_of_the_comparison(tmp_path):
+    from matplotlib.figure import Figure
+
+    drawn = {"comparison": Figure(figsize=(2, 1), dpi=50)}
+    outcome = perform(pair(draw=lambda outcome: drawn, tolerances={"energy": 1.0}, duration=0.1), out=tmp_path)
+    (failure,) = outcome.failures
+    assert failure.startswith("a figure is called 'comparison', as the picture of the comparison is")
+    assert struct.unpack(">II", (tmp_path / "comparison.png").read_bytes()[16:24]) == (100, 50)
+
+
 WRONG = [
     ({"name": ""}, "name"),
     ({"name": "../x"}, "name"),
