@@ -107,8 +107,10 @@ def _compare(
         title, suffix = (f"{scenario.headline()}: {case}", f"-{slug(case)}") if case else (scenario.headline(), "")
         if kernels:
             for found in _residuals(scenario, step, system, kernels, title):
-                stem = f"residuals-{found.stem}{suffix}"
-                records.setdefault(case, {})[stem] = found.record()
+                stem, kept = f"residuals-{found.stem}{suffix}", records.setdefault(case, {})
+                while stem in kept:  # files of one name in two folders
+                    stem += "-"
+                kept[stem] = found.record()
                 if not as_json:
                     print(found)
                 if not no_plot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import Annotated, Any
 
 import typer
@@ -79,6 +80,7 @@ def resume(
         from orbits.propagation import resume as go_on
         from orbits.scenario.typed import number_or_text
 
+        again = f"orbits resume {shlex.quote(str(file))}"
         pacing = command.paced(wall_time, heartbeat)
         done = go_on(
             file,
@@ -88,12 +90,12 @@ def resume(
             wall_time=pacing.deadline,
         )
         if until is None and done.statistics is None:
-            further = with_unit(f"{2 * done.times[-1]:g}", done.system.units.time)
-            text = f"complete already, nothing was done; extend it with  orbits resume {file} --until '{further}'"
+            further = with_unit(f"{2 * done.span[1]:g}", done.system.units.time)
+            text = f"complete already, nothing was done; extend it with  {again} --until '{further}'"
             stderr().print(text, markup=False, soft_wrap=True)
         show(file, done, as_json)
         if pacing.deadline is not None and pacing.deadline.ended(done):
-            raise OutOfTime(f"{pacing.deadline.words}; go on with: orbits resume {file}")
+            raise OutOfTime(f"{pacing.deadline.words}; go on with: {again}")
 
 
 def warm_up(

@@ -142,7 +142,7 @@ def _is_lost_within(campaign: Campaign, member: int, planet: str, radius: u.Quan
     except ArchiveError:
         return False
     lost = run.retired[campaign.names[member]]
-    return bool(np.linalg.norm(lost.q - run.at(lost.time).q[run.names.index(planet)]) < radius)
+    return bool(np.linalg.norm(lost.q - run.at(lost.time)[planet].q) < radius)
 
 
 def _at_the_end(summary: Any) -> Any:

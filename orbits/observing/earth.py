@@ -31,13 +31,35 @@ MJD_ZERO = 2400000.5
 DRIFT = 1.0
 """Seconds a year by which the rotation of the Earth may depart from what is held; it has not been faster since 1650."""
 
+MOST_OFF = u.Quantity(1.0, u.arcsec)
+"""By how much the precession may be off before a warning says so."""
+
 KM_A_SECOND = 0.465
 """Kilometres by which the equator turns in a second."""
 
 
 def equator_of_date(dates: Time) -> Array:
-    """Return the matrices from the ICRF to the true equator and equinox of date, (m, 3, 3); dates in TDB."""
+    """Return the matrices from the ICRF to the true equator and equinox of date, (m, 3, 3); dates in TDB. Warns of
+    those at which the precession is off by more than an arcsecond.
+    """
+    if dates.size:
+        _warn_of_precession(dates[np.argmax(np.abs(dates.jyear - 2000.0))])
     return np.asarray(erfa.pnm06a(dates.jd1, dates.jd2))  # TDB stands for TT, which is within 2 ms of it
+
+
+def _warn_of_precession(farthest: Time) -> None:
+    """Warn if the precession of IAU 2006, polynomials of the time, is far from that of Vondrák et al. (2011), which
+    holds for 200,000 years.
+    """
+    long_term, used = erfa.ltpb(farthest.jyear), erfa.pmat06(farthest.jd1, farthest.jd2)
+    off = u.Quantity(2.0 * np.arcsin(np.linalg.norm(long_term - used) / np.sqrt(8.0)), u.rad)
+    if off > MOST_OFF:
+        shown = off.to(u.arcsec if off < 2.0 * u.arcmin else u.arcmin if off < 2.0 * u.deg else u.deg)
+        Finding(
+            f"the precession of IAU 2006 holds for some thousand years about 2000; in the year {farthest.jyear:.0f} "
+            f"that of Vondrak et al. (2011), for long spans, differs by {shown:.3g}: places of date, azimuth and "
+            "elevation may be as far off. Right ascension and declination in the ICRF do not depend on it."
+        ).warn()
 
 
 class Site(NamedTuple):

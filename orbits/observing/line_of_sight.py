@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.body_names import index_of
 from orbits.checks import finite_number
 from orbits.errors import InputError, shown
+from orbits.point_masses import changed_masses
 from orbits.time_grid import times_since
 from orbits.units import SOLAR
 
@@ -85,13 +86,11 @@ def radial_velocity_of(run: Run, body: str, along: Any, times: Any) -> u.Quantit
             "expected a run without that, or one that ends before: see run.events and run.legs."
         )
     system, place = run.system, index_of(body, run.names, "body")
-    if times is None:
-        shape, v = run.times.shape, run.v.value
-    else:
-        since = times_since(system, times, "times")
-        shape, v = since.shape, run.at(since.ravel()).v.value
+    since = run.times if times is None else times_since(system, times, "times")
+    v = (run if times is None else run.at(since.ravel())).v.value
     from orbits.observing.placing import barycentre
 
-    centre = barycentre(system.values.gm, v)
-    speed = u.Quantity(-((v[:, place] - centre) @ np.array(towards)).reshape(shape), system.units.speed)
+    gm = changed_masses(since.ravel(), system.forces, system.values.gm, system.names, system.units)
+    centre = barycentre(gm, v)
+    speed = u.Quantity(-((v[:, place] - centre) @ np.array(towards)).reshape(since.shape), system.units.speed)
     return speed.to(u.m / u.s) if system.units.is_physical else speed

@@ -173,7 +173,8 @@ def _impact_parameters(run: Run, times: Array, planet: int, star: int, towards: 
     q, v = (x.value[:, [planet, star]] for x in (states.q, states.v))
     if apparent:
         q = arrived(q, v, towards, 1.0 / run.system.units.speed_of_light)
-    return np.asarray(np.linalg.norm(np.cross(q[:, 0] - q[:, 1], towards), axis=1) / states[0].radii.value[star])
+    radii = states.system.radii.value if states.changes is None else states.changes.over(times).radii
+    return np.asarray(np.linalg.norm(np.cross(q[:, 0] - q[:, 1], towards), axis=1) / radii[..., star])
 
 
 def mid_transits(gm: Array, q: Array, v: Array, towards: Array) -> Array:

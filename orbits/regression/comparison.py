@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,6 +119,44 @@ def compare(
     )
 
 
+class Asked(NamedTuple):
+    """What is compared: our methods, REBOUND's, the problem, the kind of reference, the bounds of our methods."""
+
+    ours: list[Integrator]
+    theirs: list[Peer]
+    problem: Problem
+    kind: str | float
+    bounds: list[tolerance.Bounds]
+
+
+def asked(
+    system: System,
+    integrators: Any,
+    grid: TimeGrid,
+    against: str | Sequence[str] | None = None,
+    tolerances: Mapping[str, Any] | None = None,
+    reference: str | Quantity | float = "auto",
+) -> Asked:
+    """Return what a comparison is asked for, as in `compare`. Raises InputError (or a subclass) for wrong use."""
+    ours = _ours("gauss" if integrators is None else integrators)
+    for method in ours:
+        grid.clock.check(method)
+    if against is None:
+        against = ("ias15",) if grid.clock.changes else ("whfast", "ias15")
+    theirs = listed(against)
+    problem = Problem.of(system)
+    kind = kind_of_reference(system, reference, problem, grid)
+    wanted = tolerance.parse(
+        tolerances,
+        methods=[(method.name, method.label) for method in ours],
+        names=problem.names,
+        massive=problem.massive_names,
+        units=system.units,
+        unit_of_report=problem.length,
+    )
+    return Asked(ours, theirs, problem, kind, wanted)
+
+
 def compared(
     system: System,
     integrators: Any,
@@ -137,22 +175,7 @@ def compared(
 
     stages : how progress is told, instead of `progress`, and what is kept of each stage
     """
-    ours = _ours("gauss" if integrators is None else integrators)
-    for method in ours:
-        grid.clock.check(method)
-    if against is None:
-        against = ("ias15",) if grid.clock.changes else ("whfast", "ias15")
-    theirs = listed(against)
-    problem = Problem.of(system)
-    kind = kind_of_reference(system, reference, problem, grid)
-    wanted = tolerance.parse(
-        tolerances,
-        methods=[(method.name, method.label) for method in ours],
-        names=problem.names,
-        massive=problem.massive_names,
-        units=system.units,
-        unit_of_report=problem.length,
-    )
+    ours, theirs, problem, kind, wanted = asked(system, integrators, grid, against, tolerances, reference)
     done = _given(runs, system, ours, grid)
     stages = stages or Stages(_teller(progress), progress, unit=system.units.time)
     try:

@@ -20,7 +20,7 @@ from orbits.body_names import chosen, few
 from orbits.checks import check_physical
 from orbits.errors import EpochError, InputError, shown
 from orbits.export import html_table, text_table
-from orbits.json_text import json_text
+from orbits.json_text import json_text, plain
 from orbits.regression.kernels import DE440, Kernel, dates, is_kernel, opened
 from orbits.spk.bodies import checked_ids, known_number
 from orbits.trajectory import Trajectory
@@ -99,21 +99,23 @@ class Residuals:
         return re.sub(r"[^a-z0-9]+", "-", f"{self.kernel.removesuffix('.bsp')} {self.method}".lower()).strip("-")
 
     def record(self) -> dict[str, Any]:
-        """Return what the table has, by name."""
-        return {
+        """Return what the table has, by name; None for a body that was lost."""
+        found = {
             "format": "orbits-residuals",
             "version": 1,
             "kernel": self.kernel,
             "method": self.method,
             "largest_km": self.largest(),
             "last_tenth_km": self.last_tenth(),
-            "not_in_kernel": list(self.left_out),
+            "not_in_kernel": self.left_out,
         }
+        return {key: plain(value, "residuals") for key, value in found.items()}
 
     def to_json(self, path: str | PathLike[str] | None = None) -> str:
-        """Return the residuals as JSON, with those of all samples; also written to `path` if one is given."""
-        samples = {"years": self.years.tolist(), "km": {name: x.tolist() for name, x in self.km.items()}}
-        text = json_text(self.record() | samples)
+        """Return the residuals as JSON, with those of all samples, null for those of a body that was lost; also written
+        to `path` if one is given.
+        """
+        text = json_text(self.record() | plain({"years": self.years, "km": self.km}, "residuals"), allow_nan=False)
         if path is not None:
             Path(path).write_text(text + "\n", encoding="utf-8")
         return text
@@ -159,6 +161,8 @@ def residuals(
     """
     if not isinstance(run, Trajectory):
         raise InputError(f"run is {shown(run)}; expected a run of orbits.propagate.")
+    if not len(run):
+        raise InputError(f"{run!r} has no samples yet, so there is nothing to compare; expected at least one.")
     check_physical(run.system.units, "orbits.residuals")
     days = np.asarray(run.t.to_value(u.day))
     with _common(run.system, against, days, bodies, ids) as (kernel, known, missing, whole, rests):
@@ -237,7 +241,7 @@ def _differences(
 
 
 def split(against: str) -> tuple[str, list[str]]:
-    """Return the peers and the ephemerides of a text with commas, such as "de440,whfast:corrector=17"."""
+    """Return the peers and the ephemerides of a text with commas, such as "de440,whfast:corrector=17", these once."""
     pieces = [piece.strip() for piece in against.split(",")]
-    kernels = [piece for piece in pieces if is_kernel(piece)]
+    kernels = [*dict.fromkeys(piece for piece in pieces if is_kernel(piece))]
     return ",".join(piece for piece in pieces if piece not in kernels), kernels

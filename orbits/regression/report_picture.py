@@ -81,11 +81,12 @@ def _panel(axis: Axes, times: Array, rows: list[Row], quantity: str, title: str)
         if not np.any(values > 0):  # also where nothing was measured; a log axis has no place for zero
             continue
         colour, so_far = style.PALETTE[i % len(style.PALETTE)], np.maximum.accumulate(values)
+        apart = 0.12 if np.count_nonzero(so_far > 0) > 1 else None  # a single point has no way along which to be apart
         axis.plot(times[after_start], np.where(values > 0, values, np.nan), color=colour, linewidth=1.0, alpha=0.25)
         axis.plot(
             times[after_start], np.where(so_far > 0, so_far, np.nan), label=method_words(row.method), color=colour,
             linewidth=2.6 if row.kind == "ours" else 1.6, linestyle="-" if row.kind == "ours" else (0, (4, 1.5)),
-            marker=_MARKERS[i % len(_MARKERS)], markevery=0.12, markersize=8 if row.kind == "ours" else 6,
+            marker=_MARKERS[i % len(_MARKERS)], markevery=apart, markersize=8 if row.kind == "ours" else 6,
             zorder=3 if row.kind == "ours" else 2,
         )  # fmt: skip
 

@@ -158,7 +158,7 @@ class _Table(Table):
 
 
 def _table(title: str) -> Table:
-    return _Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    return _Table(title=Text(title, style="bold"), title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
 
 
 def short(x: float | None) -> str:

@@ -34,18 +34,20 @@ def picture(residuals: Residuals) -> Figure:
 
 def panel(axes: Axes, residuals: Residuals, least: float | None = None) -> None:
     """Draw residuals [km] against time; least : the bottom of the axis."""
-    years, distances = np.abs(residuals.years), residuals.distances
-    ends = {name: float(x.max()) for name, x in distances.items()}
+    order = np.argsort(np.abs(residuals.years), kind="stable")  # samples may be in any order
+    years, distances = np.abs(residuals.years[order]), {name: x[order] for name, x in residuals.distances.items()}
+    ends = {name: float(np.nanmax(x, initial=0.0)) for name, x in distances.items()}
     named = sorted(ends, key=lambda name: -ends[name])[:MOST_NAMED]
-    bottom = min(x for x in ends.values() if x > 0.0) / 300.0 if least is None else least
+    bottom = min((x for x in ends.values() if x > 0.0), default=1.0) / 300.0 if least is None else least
     for i, (name, x) in enumerate(distances.items()):
         known = name in named
         line = colour(name, i) if known else style.FAINT
         shown = np.maximum(x, bottom)
         axes.plot(years, shown, color=line, lw=0.8, alpha=0.3 if known else 0.2)
-        axes.plot(years, np.maximum.accumulate(shown), color=line, lw=2.0 if known else 0.6, label=name)
-    axes.set(yscale="log", xlabel="years since the start", ylabel="km", xlim=(0.0, years.max()))
-    axes.set_ylim(bottom, 3.0 * max(ends.values()))
+        style.line(axes, years, np.maximum.accumulate(shown), color=line, lw=2.0 if known else 0.6, label=name)
+    when = "before" if residuals.years[order[-1]] < 0.0 else "since"
+    axes.set(yscale="log", xlabel=f"years {when} the start", ylabel="km", xlim=(0.0, years.max() or 1.0))
+    axes.set_ylim(bottom, 3.0 * max(bottom, *ends.values()))
     axes.grid(axis="y", color=style.FAINT, lw=0.6)
     _name_ends(axes, {name: max(ends[name], bottom) for name in named}, list(distances))
 

@@ -69,8 +69,9 @@ def parse(
 
     tolerances : by key, for all methods: "energy" and "angular_momentum" (largest relative errors), "position_km"
         (kilometres) or "position" (a length; a plain number is in the system's unit). A position bound is one length
-        for all bodies, or a mapping from body, "massive" or "particles" to lengths. The name or label of a method as a
-        key has such a mapping for this method, which takes precedence.
+        for all bodies, or a mapping from body, "massive" or "particles" to lengths; of two bounds on one body the
+        smaller one holds. The name or label of a method as a key has such a mapping for this method, which takes
+        precedence.
     methods : (name, label) of each of our methods
     unit_of_report : the system's unit of length in the unit of reported positions
     Raises InputError or UnknownNameError, with the problem and the valid names.
@@ -96,13 +97,17 @@ def parse(
             raise _unknown("tolerances", key, (*KEYS, *sorted(callable_by.values())))
     out = []
     for name, label in methods:
-        wanted = {**general, **special.get(name, {}), **special.get(label, {})}
+        wanted = dict(general)
+        for own in (special.get(name, {}), special.get(label, {})):
+            replaced = _POSITIONS if own.keys() & set(_POSITIONS) else ()
+            wanted = {key: value for key, value in wanted.items() if key not in replaced} | dict(own)
         scalars = {key: _bound(key, wanted[key]) for key in _SCALARS if key in wanted}
         positions: dict[str, float] = {}
         for key in _POSITIONS:
             if key in wanted:
                 convert = _converter(key, units, unit_of_report)
-                positions.update(_positions(key, wanted[key], convert, names, massive))
+                for body, bound in _positions(key, wanted[key], convert, names, massive).items():
+                    positions[body] = min(bound, positions.get(body, math.inf))
         out.append(Bounds(scalars, positions))
     return out
 

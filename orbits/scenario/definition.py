@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Unpack
@@ -254,10 +255,16 @@ class Scenario:
 
         This allows running a scenario with other methods than its own.
         """
-        from orbits.integrators import registry
+        from orbits import integrators
 
-        mine = {name for method in self.integrators for name in (method.name, method.label)}
-        return {key: value for key, value in self.tolerances.items() if key not in registry() or key in mine}
+        mine = {name.lower() for method in self.integrators for name in (method.name, method.label)}
+
+        def of_another(key: str) -> bool:
+            with suppress(InputError):
+                return key.lower() not in mine and bool(integrators.named(key))
+            return False
+
+        return {key: value for key, value in self.tolerances.items() if not of_another(key)}
 
 
 @dataclass(frozen=True)

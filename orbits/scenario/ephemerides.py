@@ -37,7 +37,8 @@ def typed_observer(text: str) -> Any:
         numbers = [float(part) for part in parts]
     except ValueError:
         return text
-    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)) or not abs(numbers[1]) <= 90.0:
+    outside = any(abs(x) > most for x, most in zip(numbers, (360.0, 90.0), strict=False))
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)) or outside:
         raise InputError(
             f"--observer = {shown(text)}; expected a name, or a place on the Earth: degrees east, degrees north and "
             "metres above the ellipsoid, such as -70.7366,-30.2407,2663."

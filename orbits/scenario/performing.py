@@ -96,6 +96,11 @@ def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Tell
     for grid in grids.values():
         for method in scenario.integrators:
             grid.clock.check(method)
+    if _compares(scenario):
+        from orbits.regression.comparison import asked
+
+        for name, system in systems.items():
+            asked(system, list(scenario.integrators), grids[name], scenario.against, scenario.demands())
     runs = Runs(scenario, systems, grids, folder)
     if report.exists() and not runs.stopped:  # what is there is finished
         runs.begin_anew()
@@ -234,6 +239,10 @@ def _require_checks(name: str, checks: Sequence[Any]) -> None:
             raise InputError(f"scenario {name!r}: checks must yield orbits.scenarios.Check values, got {shown(check)}.")
 
 
+def _compares(scenario: Scenario) -> bool:
+    return bool(scenario.against or scenario.demands())
+
+
 def _report(
     scenario: Scenario,
     name: str,
@@ -243,7 +252,7 @@ def _report(
     pace: Pace,
     say: Say,
 ) -> Any:
-    if not scenario.against and not scenario.demands():
+    if not _compares(scenario):
         return None
     from orbits.regression.comparison import compared
     from orbits.regression.stages import Stages
@@ -278,6 +287,11 @@ def _draw(outcome: Outcome) -> list[Path]:
     for name, case in outcome.cases.items():
         if case.report is not None:
             path = replaceable(outcome.folder / f"comparison{'-' + slug(name) if name else ''}.png")
+            if path in paths:
+                raise InputError(
+                    f"a figure is called {path.stem!r}, as the picture of the comparison is, which is left out; give "
+                    "it another name."
+                )
             case.report.plot(path)
             paths.append(path)
     return paths

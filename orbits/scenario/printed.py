@@ -74,7 +74,7 @@ def show(outcome: Outcome | StudyOutcome) -> None:
             else:
                 for label, run in case.runs.items():
                     console.print(f"{escaped(name)} {escaped(label)}".strip())
-                    console.print(str(run.drift()))
+                    console.print(escaped(run.drift()))
     for check in outcome.checks:
         mark = "[green]holds[/]" if check.ok else "[bold red]FAILS[/]"
         console.print(f"{mark}  {escaped(check.claim)}" + (f": {escaped(check.measured)}" if check.measured else ""))

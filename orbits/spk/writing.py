@@ -161,7 +161,7 @@ class _Grid(NamedTuple):
         assert epoch is not None  # checked before
         seconds = Fraction(float(run.system.units.time.to(u.s)))
         zero = (Fraction(epoch.jd1) - J2000 + Fraction(epoch.jd2)) * DAY
-        start, end = (zero + Fraction(float(t)) * seconds for t in sorted((run.times[0], run.times[-1])))
+        start, end = (zero + Fraction(float(t)) * seconds for t in (run.times.min(), run.times.max()))
         initial = Fraction(math.floor(start * PARTS), PARTS)
         count = JOINABLE * math.ceil((end - initial) / Fraction(length) / JOINABLE)
         exact = Fraction(math.ceil((end - initial) / count * PARTS), PARTS)
@@ -177,15 +177,15 @@ def _check(run: Run, tolerance_km: float) -> None:
         raise InputError("a run in pure numbers has no kilometres and seconds; expected a system with physical units.")
     if run.system.epoch is None:
         raise EpochError("the system has no epoch, but an SPK file needs dates; use System(..., epoch=...).")
-    if len(run) < 2:
+    if len(run) < 2 or not np.ptp(run.times):
         raise InputError(f"{run!r} covers no interval of time; expected a run with at least two samples.")
     positive_number(tolerance_km, "tolerance_km")
 
 
 def _refuse_retired(run: Run, wanted: Sequence[str]) -> None:
     """Refuse bodies that were retired before the last sample: a segment covers the whole run."""
-    ends = run.times[0], run.times[-1]
-    lost = [p for p in run.retired if p.name in wanted and abs(p.time.value) < max(map(abs, ends))]
+    end = np.abs(run.times).max()
+    lost = [p for p in run.retired if p.name in wanted and abs(p.time.value) < end]
     if lost:
         raise InputError(
             f"{lost[0].name!r} was retired at t = {lost[0].time:.10g}, before the end of the run"
@@ -201,7 +201,7 @@ def _fitted(
     typical, shortest = abs(run.step), SHORTEST_IN_STEPS
     if run.clock.changes:
         shortest = 0.0
-        typical = min(PART_OF_DYNAMICAL_TIME * dynamical_time(run.system), abs(float(run.times[-1] - run.times[0])))
+        typical = min(PART_OF_DYNAMICAL_TIME * dynamical_time(run.system), float(np.ptp(run.times)))
     step = typical * float(run.system.units.time.to(u.s))
     length, reached = LONGEST_IN_STEPS * step, math.inf
     while length >= shortest * step:

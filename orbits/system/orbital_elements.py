@@ -111,7 +111,7 @@ class OrbitalElements(Named, Tabled, Tabular):
             x = getattr(self, key)
             values = np.reshape(x.value, shape)[..., pick]
             variables[key] = Variable(values, x.unit, ("time", "body") if run else ("body",))
-        known = {"primary": self.primary, "frame": self.frame}
+        known = {"primary": self.primary, "frame": self.frame, **presenting.dated(self.epoch)}
         return Labelled(names, self.t if run else None, variables, known, self.epoch)
 
     def _caption(self) -> str:

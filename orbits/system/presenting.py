@@ -16,6 +16,8 @@ from orbits.system.model_text import to_json
 from orbits.units import date_text
 
 if TYPE_CHECKING:
+    from astropy.time import Time
+
     from orbits.system.system import System
 
 Floats = NDArray[np.float64]
@@ -35,13 +37,19 @@ def in_words(system: System) -> str:
 def attributes(system: System) -> dict[str, str | float]:
     """Return the properties of a system that hold for all bodies and times, as strings and numbers."""
     known: dict[str, str | float] = {"unit_system": system.units.name, "G": system.units.G}
-    if system.epoch is not None:
-        moment = system.epoch
-        moment.precision = NANOSECONDS
-        known |= {"epoch": date_text(moment, between="T"), "time_scale": "tdb"}
+    known |= dated(system.epoch)
     if system.terms or system.forces:
         known["terms_and_forces"] = to_json(system)
     return {**known, "softening": system.values.softening}
+
+
+def dated(epoch: Time | None) -> dict[str, str | float]:
+    """Return the epoch among such properties, none without one."""
+    if epoch is None:
+        return {}
+    moment = epoch.copy()
+    moment.precision = NANOSECONDS
+    return {"epoch": date_text(moment, between="T"), "time_scale": "tdb"}
 
 
 def labelled_state(system: System, bodies: Sequence[str] | None) -> Labelled:

@@ -333,7 +333,15 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
         """
         from orbits.plotting import plot_run
 
-        return plot_run(self, kind, **options)
+        return plot_run(self if kind == "error" else self._in_order(), kind, **options)
+
+    def _in_order(self) -> Trajectory:
+        """Return the samples in the order of the run, in which lines join them, if they are in neither direction."""
+        gaps = np.diff(self.times)
+        if not np.min(gaps, initial=0.0) < 0.0 < np.max(gaps, initial=0.0):
+            return self
+        order = np.argsort(self.times * self.clock.direction, kind="stable")
+        return self._with_samples(self.times[order], as_array(self._q)[order], as_array(self._v)[order])
 
     def _some(self, samples: slice) -> Trajectory:
         try:

@@ -87,12 +87,19 @@ class ViewData:
     """What a page shows of a run: `header()` once, `chunk(run, first)` for samples from `first` on.
 
     run : with at least one sample; limit : the most bytes of samples
-    Raises InputError for a run without samples, and for one with too many bodies for the limit.
+    Raises InputError for a run without samples, for samples that are not in its order, and for one with too many
+    bodies for the limit.
     """
 
     def __init__(self, run: Trajectory, *, title: str | None = None, limit: int = LIMIT) -> None:
         if not len(run):
             raise InputError(f"{run!r} has no samples yet, so there is nothing to see; expected at least one.")
+        gaps = np.diff(run.times) * run.clock.direction
+        if (gaps < 0.0).any() and ((gaps > 0.0).any() or len(run.legs) > 1):
+            raise InputError(
+                "the samples are not in the order of the run, in which a view goes from one to the next; expected "
+                "sorted times, such as run.at(np.sort(times))."
+            )
         self.title = title
         system = run.system
         self.total = len(run) if run.archive is None else len(run.archive.times)

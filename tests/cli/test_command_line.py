@@ -346,6 +346,14 @@ def test_resuming_a_finished_run_says_that_it_was_complete_and_how_to_extend_it(
     assert call("resume", archive, "--until", "7305 d").stderr == ""
 
 
+def test_what_is_said_to_extend_a_run_extends_it_also_where_it_ends_behind_its_samples(tmp_path):
+    path, system = tmp_path / "my run.h5", orbits.System.solar_system("2026-01-01", bodies=["Sun", "Jupiter"])
+    orbits.propagate(system, dt=40, duration=400, samples=[40.0], archive=path)
+    _, _, typed = call("resume", path).stderr.strip().partition("extend it with  orbits ")
+    assert call(*shlex.split(typed)).exit_code == 0
+    assert orbits.Trajectory.open(path).span[1] == 800.0
+
+
 def test_an_interrupted_run_says_how_to_go_on_and_resume_completes_it(tmp_path, monkeypatch):
     after_samples(monkeypatch, 1, lambda: os.kill(os.getpid(), signal.SIGINT))
     command = ["run", "solar_system", "--duration", "1 yr", "--samples", "9", "--no-plot", "--out", str(tmp_path)]

@@ -93,6 +93,7 @@ def test_a_run_without_units_is_not_seen(tmp_path):
         (["--from", "yesterday"], "--from = 'yesterday'; expected a quantity"),
         (["--from", "2027-01-01"], "= 365 lies outside the run, 0 ... 10 d (2026-01-01 00:00 ... 2026-01-11"),
         (["--observer", "1,95"], "--observer = '1,95'; expected a name, or a place on the Earth"),
+        (["--observer", "568,20"], "--observer = '568,20'; expected a name, or a place on the Earth"),
         (["--observer", "Palomar"], "there is no observer 'Palomar'"),
         (["--body", "Vesta"], "there is no body 'Vesta'"),
         (["--body", "Mars", "--h", "3"], "H is given without G"),

@@ -103,9 +103,12 @@ def test_elements_are_tables_too_at_one_time_and_at_many(run, system):
     alone = system.elements(primary="Sun")
     table = alone.to_table()
     assert tuple(table["body"]) == alone.names == ("Jupiter", "Saturn", "Ceres")
-    assert table.meta == {"primary": "Sun", "frame": "ecliptic"}
+    known = {"primary": "Sun", "frame": "ecliptic", "epoch": EPOCH, "time_scale": "tdb"}  # of which T and time count
+    assert table.meta == known
     found = run.elements(primary="Sun")
     frame, data = found.to_pandas(), found.to_xarray()
+    assert found.to_table().meta == data.attrs == known == {key: frame.attrs[key] for key in known}
+    assert system.replaced(epoch=None).elements(primary="Sun").to_table().meta.keys() == {"primary", "frame"}
     for key in found.keys():  # noqa: SIM118 - no mapping
         assert np.array_equal(table[key], getattr(alone, key))
         assert np.array_equal(frame[key], getattr(found, key).value.ravel())

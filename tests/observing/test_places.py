@@ -253,3 +253,15 @@ def test_beyond_the_tables_the_rotation_of_the_earth_is_held_and_a_warning_says_
     assert np.linalg.norm(held.q - near.q) * u.au < 100 * u.m
     with pytest.warns(OrbitsWarning, match=r"up to 2 s of rotation, 0.93 km, off; right ascension"):
         earth.site_at(PACHON, far[None])
+
+
+@pytest.mark.parametrize(("year", "off"), [(-4000.0, "40.6 arcsec"), (12000.0, "11.8 arcmin"), (50000.0, "107 deg")])
+def test_where_the_precession_does_not_hold_a_warning_says_by_how_much(year, off):
+    """By that of Vondrák et al. (2011), for long spans; from the year -600 to 4200 it holds to an arcsecond."""
+    with pytest.warns(OrbitsWarning, match=f"in the year {year:.0f} .* differs by {off}: places of date"):
+        earth.equator_of_date(Time([2000.0, year], format="jyear", scale="tdb"))
+
+
+def test_where_the_precession_holds_nothing_is_said(recwarn):
+    earth.equator_of_date(Time([-600.0, 2000.0, 4200.0], format="jyear", scale="tdb"))
+    assert not recwarn

@@ -154,6 +154,18 @@ def test_a_star_has_its_velocity_where_mergers_were_sought_and_none_was():
         merged.radial_velocity("star")
 
 
+def test_a_star_that_loses_mass_has_its_velocity_about_the_barycentre_of_the_masses_that_are_left():
+    star = orbits.System.from_elements({"star": {"mass": 1 * u.M_sun}}, epoch=EPOCH)
+    pair = star.add("p", mass=0.3 * u.M_sun, a=1 * u.au, e=0.2, inc=90 * u.deg, frame="sky")
+    pair = pair.with_forces(orbits.terms.MassLoss(source="star", fraction=-0.5 / u.yr))
+    run = orbits.propagate(pair, duration=1 * u.yr, samples=5)
+    receding = run.v.value[:, 1, 2] - run.v.value[:, 0, 2]
+    left = 1.0 - 0.5 * run.t.to_value(u.yr)
+    expected = (0.3 / (left + 0.3) * receding * u.au / u.day).to_value(u.m / u.s)
+    np.testing.assert_allclose(run.radial_velocity("star").to_value(u.m / u.s), expected, rtol=1e-12)
+    np.testing.assert_array_equal(run.radial_velocity("star", times=run.t[3]), run.radial_velocity("star")[3])
+
+
 def test_transits_outlive_an_archive(tmp_path, run):
     path = tmp_path / "run.h5"
     sought = Transit("b", "star", observer=orbits.along(inc=10 * u.deg, node=1.0))
@@ -218,6 +230,26 @@ def test_the_impact_parameter_is_that_of_the_light():
     a, b, *_ = sight.of(state.q.value, state.v.value)
     expected = sight.apart(a, b) / moving.system.radii.value[0]
     np.testing.assert_allclose(table["impact_parameter"], expected, rtol=1e-12)
+
+
+def test_the_impact_parameter_is_in_radii_of_the_star_whoever_merged_before():
+    """A body that stands before the star falls into it before the first transit, which leaves the others' places."""
+    bodies = system()
+    fallen = orbits.System(
+        ["stone", *bodies.names],
+        np.append(1e-15 * bodies.values.gm[0], bodies.values.gm),
+        np.vstack([[0, 1.2e-3, 0], bodies.values.q]),
+        np.vstack([[0, -0.02, 0], bodies.values.v]),
+        epoch=EPOCH,
+        units=bodies.units,
+        radii=np.append(1e-8, bodies.radii.value),
+    )
+    sought = [Transit("b", "star", observer=orbits.along())]
+    alone = orbits.propagate(bodies, duration=3 * u.day, events=sought).transits("b")
+    merging = orbits.events.Collision(then=orbits.events.Merge())
+    run = orbits.propagate(fallen, duration=3 * u.day, events=[*sought, merging])
+    assert run.legs[-1].time < alone["time"][0]
+    np.testing.assert_allclose(run.transits("b")["impact_parameter"], alone["impact_parameter"], rtol=1e-9)
 
 
 def test_transits_of_circles_seen_edge_on_are_found_wherever_rounding_puts_the_pericentre():

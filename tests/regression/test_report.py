@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -13,6 +14,7 @@ from rich.console import Console
 from orbits.errors import InputError
 from orbits.json_text import json_text
 from orbits.regression.report import Row, Series
+from orbits.regression.report_picture import picture
 
 from .reports import NINE, TIMES, make
 
@@ -47,6 +49,12 @@ def test_the_errors_of_many_methods_are_all_in_the_table_and_their_names_are_who
     assert shown == [*(f"{100 + k}" for k in range(count)), "2.0e-04"]  # the reference comes last
     heads = [x for line in lines for x in line.split() if x.startswith("h_8")]
     assert heads == [f"h_8_6_{k}" for k in range(count)]  # in narrower columns words are broken anywhere
+
+
+def test_brackets_in_a_title_are_part_of_it():
+    named = make(NINE, NINE)
+    named.settings["title"] = "Nine bodies [all of them] [/]"
+    assert named.table.splitlines()[0] == "Nine bodies [all of them] [/]"
 
 
 def test_many_bodies_are_summed_up_and_few_are_listed():
@@ -136,6 +144,13 @@ def test_the_picture_is_1600_by_1000(tmp_path, length_unit):
 def test_a_picture_without_anything_measured_is_still_a_picture(tmp_path):
     row = Row("Gauss", "ours", "not judged", series=Series(*(np.full(11, np.nan) for _ in range(3))))
     assert size(make(NINE, NINE, rows=(row,)).plot(tmp_path / "report.png")) == (1600, 1000)
+
+
+def test_a_single_sample_is_a_mark_in_the_picture():
+    row = Row("Gauss", "ours", "ok", series=Series(*(np.array([0.0, 1e-9]) for _ in range(3))))
+    made = picture(replace(make(NINE, NINE, rows=(row,)), times=np.array([0.0, 100.0])))
+    marks = [line.get_markevery() for panel in made.axes for line in panel.lines if line.get_marker() == "o"]
+    assert marks == [None, None, None]  # a fraction of the length of a line, of which a point has none, draws no mark
 
 
 def test_an_unwritable_path_is_refused_in_words(tmp_path):

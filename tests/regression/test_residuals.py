@@ -14,6 +14,7 @@ import orbits
 from orbits.cli import app
 from orbits.errors import EpochError, InputError, UnknownNameError
 from orbits.lagrangians.series_in_files import series_of
+from orbits.regression.of_ephemeris import Residuals
 from orbits.resources import data_path
 from orbits.spk import daf
 
@@ -131,6 +132,29 @@ def test_bodies_that_the_kernel_does_not_have_are_said(run, tmp_path):
         orbits.residuals(made, bodies=["Sun"])
 
 
+def test_a_body_that_was_lost_has_null_in_json(run):
+    lost = orbits.residuals(run)
+    name = next(iter(lost.km))
+    lost.km[name][-1] = np.nan
+    found = json.loads(lost.to_json(), parse_constant=pytest.fail)
+    assert found["largest_km"][name] is None
+    assert found["km"][name][-1] == [None, None, None]
+    assert lost.record()["last_tenth_km"][name] is None
+
+
+def test_a_picture_counts_the_time_before_the_start_in_any_order_with_bodies_that_were_lost():
+    km = {"lost": np.full((3, 3), np.nan), "late": np.array([[4.0, 0, 0], [1, 0, 0], [np.nan, 0, 0]])}
+    axes = Residuals("a.bsp", "Gauss", np.array([-2.0, -1.0, -3.0]), km).plot().axes[0]
+    assert axes.get_xlabel() == "years before the start"
+    (line,) = [line for line in axes.lines if line.get_label() == "late"]
+    np.testing.assert_array_equal(line.get_xydata(), [[1, 1], [2, 4], [3, np.nan]])
+
+
+def test_a_single_sample_is_a_dot_in_the_picture_also_where_nothing_is_off():
+    axes = Residuals("a.bsp", "Gauss", np.zeros(1), {"Mars": np.zeros((1, 3))}).plot().axes[0]
+    assert [line.get_marker() for line in axes.lines if line.get_label() == "Mars"] == ["o"]
+
+
 def test_what_has_no_ephemeris_is_refused(run, tmp_path):
     late = orbits.System.solar_system(epoch="2029-12-01", bodies=["Sun", "Jupiter"])
     beyond = orbits.propagate(late, orbits.Gauss(), dt=10.0, duration=100.0, samples=2, progress=False)
@@ -138,6 +162,8 @@ def test_what_has_no_ephemeris_is_refused(run, tmp_path):
     shutil.copy(data_path("de440_2000_2030.bsp"), excerpt)
     with pytest.raises(EpochError, match=r"is outside excerpt.bsp, which has body 5 from JD 2451\d+"):
         orbits.residuals(beyond, excerpt)
+    with pytest.raises(InputError, match="no samples yet, so there is nothing to compare"):
+        orbits.residuals(run[:0])
     with pytest.raises(InputError, match="there is no file"):
         orbits.residuals(run, tmp_path / "missing.bsp")
     foreign = tmp_path / "foreign.bsp"
@@ -172,6 +198,21 @@ def test_the_command_line_compares_with_de440(tmp_path):
     # Its own files are replaced.
     again = CliRunner().invoke(app, [*typed, "--duration", "20 d", "--samples", "3", "--no-plot"])
     assert again.exit_code == 0, again.output
+
+
+def test_kernels_of_one_name_in_two_folders_have_files_of_their_own(run, tmp_path):
+    paths = [tmp_path / folder / "a.bsp" for folder in "xy"]
+    for path, body in zip(paths, ["Jupiter", "Earth"], strict=True):
+        path.parent.mkdir()
+        run.to_spk(path, bodies=["Sun", body])
+    made = f"system=orbits.System.solar_system('2000-01-02', bodies={BODIES}), integrators='gauss', dt=1, duration=20"
+    scenario = f"import orbits\nscenario = orbits.scenarios.Scenario(name='two', title='Two', samples=3, {made})\n"
+    (tmp_path / "two.py").write_text(scenario)
+    typed = ["compare", str(tmp_path / "two.py"), "--against", f"{paths[0]},{paths[1]},{paths[0]}"]
+    done = CliRunner().invoke(app, [*typed, "--out", str(tmp_path), "--no-plot", "--json"])
+    found = json.loads(done.stdout)["cases"][""]
+    assert [list(each["largest_km"]) for each in found.values()] == [["Jupiter"], ["Earth"]]
+    assert len(list(tmp_path.glob("residuals-*.json"))) == 2
 
 
 def test_the_command_line_refuses_dates_that_no_kernel_has_before_the_run(tmp_path):

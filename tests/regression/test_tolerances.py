@@ -37,6 +37,14 @@ def test_general_bounds_hold_for_every_method_and_special_ones_go_before():
     assert verlet.scalars == {"energy": 1e-3}
 
 
+def test_of_two_bounds_on_positions_the_smaller_one_holds_and_those_of_a_method_replace_both():
+    bounds = parsed({"position_km": {"Earth": 1.0}, "position": 1.0})[0]
+    assert bounds.positions == {"Sun": KM, "Earth": 1.0, "Ceres": KM}
+    gauss, verlet = parsed({"position": 1.0, "gauss": {"position_km": 0.01}})
+    assert set(gauss.positions.values()) == {0.01}
+    assert set(verlet.positions.values()) == {KM}
+
+
 def test_positions_are_bounded_in_km_whatever_they_were_given_in():
     assert parsed({"position_km": 2.0})[0].positions == {"Sun": 2.0, "Earth": 2.0, "Ceres": 2.0}
     assert parsed({"position": 2 * u.km})[0].positions["Earth"] == pytest.approx(2.0, rel=1e-15)

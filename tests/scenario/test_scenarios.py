@@ -470,6 +470,29 @@ def test_a_tolerance_that_is_exceeded_is_a_failure_with_its_numbers(tmp_path):
     assert not json.loads((tmp_path / "report.json").read_text())["ok"]
 
 
+def test_tolerances_of_methods_that_are_not_run_are_left_out_by_name_and_label():
+    own = {"StormerVerlet()": {"energy": 1e-3}, "Gauss": {"energy": 1e-9}, "gauss(stages=4)": {"energy": 1e-9}}
+    scenario = pair(tolerances={"position": 1.0, **own, "Gaus": {"energy": 1.0}})
+    assert scenario.demands().keys() == {"position", "Gauss", "gauss(stages=4)", "Gaus"}
+    assert scenario.with_changes(integrators=[orbits.StormerVerlet()]).demands().keys() == {
+        "position", "StormerVerlet()", "Gaus",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"against": ["whfsat"]}, "no peer is called 'whfsat'"),
+        ({"tolerances": {"position": {"plant": 1.0}}}, "no key 'plant'"),
+        ({"against": ["ias15"], "system": orbits.System.solar_system(model="relativistic")}, "Newton's gravity alone"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_before_the_runs(changes, said, tmp_path):
+    with pytest.raises(InputError, match=said):
+        perform(pair(**changes), out=tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_tolerances_are_judged_also_without_peers(tmp_path):
     outcome = perform(pair(tolerances={"position": 1e-30}), out=tmp_path, plot=False)
     assert not outcome.ok
@@ -525,6 +548,16 @@ def test_an_error_in_the_scenarios_own_code_names_file_and_line(tmp_path):
     (failure,) = outcome.failures
     assert "ZeroDivisionError: nothing to draw" in failure
     assert "test_scenarios.py, line" in failure
+
+
+def test_a_figure_is_not_replaced_by_the_picture_of_the_comparison(tmp_path):
+    from matplotlib.figure import Figure
+
+    drawn = {"comparison": Figure(figsize=(2, 1), dpi=50)}
+    outcome = perform(pair(draw=lambda outcome: drawn, tolerances={"energy": 1.0}, duration=0.1), out=tmp_path)
+    (failure,) = outcome.failures
+    assert failure.startswith("a figure is called 'comparison', as the picture of the comparison is")
+    assert struct.unpack(">II", (tmp_path / "comparison.png").read_bytes()[16:24]) == (100, 50)
 
 
 WRONG = [

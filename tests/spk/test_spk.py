@@ -129,6 +129,18 @@ def test_what_is_covered_is_the_span_of_the_run(run, written, cspice):
     assert np.abs(np.array(spiceypy.wnfetd(window, 0)) - ends).max() <= 1.2e-7
 
 
+def test_states_in_any_order_are_covered_from_the_first_to_the_last_time(run, tmp_path):
+    middle = 0.5 * run.times[-1]
+    written = run.at([0.1 * middle, middle, 0.5 * middle]).to_spk(tmp_path / "run.bsp", bodies=["Neptune"])
+    with SPK.open(str(written.path)) as kernel:
+        for time in (0.1 * middle, middle):
+            state = run.at(time)
+            found = kernel[0, 8].compute(state.epoch.jd1, state.epoch.jd2)
+            assert np.linalg.norm(found - kilometres(state, "Neptune")[:3]) < TOLERANCE + 4e-6
+    with pytest.raises(InputError, match="covers no interval"):
+        run.at([middle, middle]).to_spk(tmp_path / "none.bsp", bodies=["Neptune"])
+
+
 def test_the_comments_say_how_it_was_made_and_what_the_centre_is(written):
     handle = spiceypy.dafopr(str(written.path))
     try:

@@ -120,6 +120,8 @@ def test_bodies_that_merge_are_no_centres_and_elements_have_the_masses_after_it(
     assert sum(after) == pytest.approx(sum(before), rel=1e-15)
     assert after[names.index(gone)] == 0.0
     assert any(event["kind"] == "collision" for event in found["chunk"]["events"]["list"])
+    with pytest.raises(orbits.errors.InputError, match="not in the order of the run"):
+        orbits.view(run[::-1], show=False)  # masses at its times would be those of others
 
 
 @pytest.fixture(scope="module")
@@ -243,6 +245,9 @@ def test_what_is_no_run_and_a_run_without_samples_are_refused(run: orbits.Trajec
         orbits.view(run.system)  # type: ignore[arg-type]
     with pytest.raises(orbits.errors.InputError, match="no samples yet"):
         orbits.view(run[:0], show=False)
+    with pytest.raises(orbits.errors.InputError, match="not in the order of the run"):
+        orbits.view(run.at(run.t[[3, 1, 2]]), show=False)
+    assert orbits.view(run[::-1], show=False).html()
     with pytest.raises(orbits.errors.InputError, match="limit"):
         orbits.view(run, show=False, limit=-1)
 
