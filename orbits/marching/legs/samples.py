@@ -36,6 +36,14 @@ _NOTHING = np.zeros((0, 2, 0))
 SHOWN_BYTES = 4 * 1024 * 1024
 """Size of the states of particles at the samples of a block, between which there are at least sixteen."""
 
+WORK, FEWEST = 1_000_000, 32
+"""About the most evaluations for particles at samples that are shown together, if these are not fewer than the second:
+a run can end, and is stored, only after them. Each may take as many as a step of the bodies, which may be thousands of
+orbits of the particles; up to the end of the step, they are followed once more for each group."""
+
+UNKNOWN = 1000
+"""The evaluations for a particle in a step of the bodies, before they are known."""
+
 _NOWHERE = Places(np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
@@ -216,13 +224,25 @@ class SamplesByOwnClocks(SamplesOfLeg):
         self._places, self._shown, self._steps = _NOWHERE, NO_SAMPLES, 0
         columns = padded(len(leg.problem.particles))
         self._room = leg.block + 1, max(16, SHOWN_BYTES // (48 * columns)), columns
+        self._counts, self._in_step = (leg.step, 0), float(UNKNOWN * len(leg.problem.particles))
+
+    def _at_once(self) -> int:
+        """Return how many samples may be shown together, by the evaluations in the steps since the last call."""
+        (step, known), leg = self._counts, self._leg
+        self._counts = leg.step, leg.stepper.particle_evaluations
+        if leg.step > step:
+            self._in_step = (leg.stepper.particle_evaluations - known) / (leg.step - step)
+        return min(max(int(WORK / max(self._in_step, 1.0)), FEWEST), self._room[1])
 
     def together(self, places: Places) -> int:
         """Return how many of these places the next block may lead to."""
-        _, most, _ = self._room
-        count = min(super().together(places), most)
+        count = min(super().together(places), self._at_once())
         self._places = places.between(0, count) if count > 1 else _NOWHERE
         return count
+
+    def ahead(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at the first of those of these places that lie in the next step with any."""
+        return super().ahead(places.between(0, self._at_once()))
 
     def of_particles(self, count: int) -> SamplesInBlock:
         """Return the samples in the block that the massive bodies have just taken, at which particles are shown."""
@@ -258,6 +278,7 @@ class SamplesByOwnClocks(SamplesOfLeg):
         retired.begin()
         copy = {name: x.copy() for name, x in leg.stepper.state.items() if name.startswith("particle_")}
         leg.stepper.particles(copy, leg.clock, numbers, retired.block, None, 1, samples)
+        self._in_step = float(leg.stepper.particle_evaluations - counts[1])
         leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
 
     def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
