@@ -79,6 +79,10 @@ then at most 2.7 times the tolerance, which would not repeat the step."""
 NOISE = 1e-13
 """What rounding errors of positions may leave in the error signal, as a fraction of attractions that cancel."""
 
+ROUNDING = 1e-15
+"""What terms with momenta may leave in the error signal by rounding errors, as a fraction of the velocity: all there is
+of it in a step of a moment, up to a sample just after the beginning of a step of the bodies."""
+
 MOST_PARTS = 100_000_000
 """The most steps that a particle takes within one of the bodies: a minute."""
 
@@ -182,7 +186,8 @@ def judged(method, model, numbers, h, particle, storage, ends, reaches):
         Q = storage.scratch[3:]
         pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
         speed = max(abs(particle.vx), max(abs(particle.vy), abs(particle.vz)))
-        most = max(most, max(max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls), UNFELT * speed))
+        felt = max(UNFELT, ROUNDING / tolerance) * speed
+        most = max(most, max(max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls), felt))
     factor = MOST if rest == 0.0 else min(max(root(tolerance * most / rest, power), LEAST), MOST)
     passed, near = narrowest(bodies(model.tag, model.parameters), ends, storage.scratch, reaches)
     if factor * factor * passed > PASSAGE * PASSAGE:
