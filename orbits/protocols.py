@@ -82,8 +82,8 @@ class March(Protocol):
     def step(self) -> int:
         """Whole steps taken."""
 
-    def along(self, places: Places) -> Iterator[tuple[Array, Array]]:
-        """March on to ascending places, and yield q and v, (m, bodies, 3), at the next m >= 0 of them."""
+    def along(self, places: Places) -> Iterator[tuple[slice, Array, Array]]:
+        """March on to ascending places, and yield which come next, or none, and q and v there, (m, bodies, 3)."""
 
     def close(self) -> None:
         """Release its resources."""

@@ -319,8 +319,8 @@ def _sample(
             elif steps != step:
                 passed = min(passed, marcher.samples.passed(places.between(index, index + passed)))
             if passed:
-                particles.reach(grid.goals[index : index + passed], q, v, waits=failure is not None)
                 store.add(q[:passed], v[:passed], marcher.samples.accounts()[:passed])
+                particles.reach(grid.goals[index : index + passed], q, v, later=failure is not None)
                 index += passed
             bar.update(marcher.time, steps)
             if failure is not None and found is None:

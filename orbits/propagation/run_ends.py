@@ -207,21 +207,21 @@ class ParticlesOfRun:
         """Whether any of them may end the run."""
         return bool(self._followed) and self._followed.stops
 
-    def reach(self, times: Array, q: Array, v: Array, *, waits: bool = False) -> bool:
-        """Take the next samples, before they are stored, one alone if `may_end`; return whether an event up to it ends
+    def reach(self, times: Array, q: Array, v: Array, *, later: bool = False) -> bool:
+        """Take the next samples; one alone, before it is stored, if `may_end`. Return whether an event up to it ends
         the run. Events that only record are sought up to several samples at once.
 
-        times : (m,), with q and v, (m or more, n, 3); waits : whether nothing is sought before the end of the run
+        times : (m,), with q and v, (m or more, n, 3); later : whether nothing is sought before the end of the run
         """
         if not self._followed:
             return False
-        begun, ahead = self._reached, self._marcher.step - self._reached
+        begun, steps = self._reached, self._marcher.step - self._reached
         for k, when in enumerate(times.tolist()):
             self._waiting.append(Sample(when, q[k].copy(), v[k].copy()))
-            self._reached = begun + ahead * (k + 1) // len(times)  # about the steps up to it
+            self._reached = begun + steps * (k + 1) // len(times)  # about the steps up to it
             enough = self._followed.enough(len(self._waiting), self._reached - self._step)
             # No run is complete before its events are known.
-            if (enough or when == self._end) and not waits and self.seek():
+            if (enough or when == self._end) and not later and self.seek():
                 return True
         return False
 

@@ -240,12 +240,10 @@ def _coefficients(
         for at in range(0, grid.records, JOINABLE):
             block = order[at : at + JOINABLE]
             q, v = np.empty((2, len(block), chebyshev.NODES, len(run.names), 3))
-            visits, done = _visits(grid, block, run.clock), 0
-            for states in march.along(visits.places):
-                some = slice(done, done + len(states[0]))
+            visits = _visits(grid, block, run.clock)
+            for some, *states in march.along(visits.places):
                 where = visits.rows[some], visits.nodes[some]
                 q[where], v[where] = states
-                done = some.stop
             if about is not None:
                 q, v = q - q[:, :, [about]], v - v[:, :, [about]]
             fit, loss = chebyshev.fitted(q[:, :, places] * km, v[:, :, places] * kms, grid.length / 2.0)

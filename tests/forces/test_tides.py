@@ -198,6 +198,13 @@ def test_what_does_not_know_a_spin_is_refused_and_a_body_without_tides_has_none(
         march(pair(), duration=2.0).rotation.spin("star")
 
 
+def test_spins_at_times_with_blocks_between_them_are_those_of_each_alone():
+    force = Tides("star", k2=0.3, radius=0.25, lag=0.02, inertia=0.08, spin=(0.3, -0.5, 1.4))
+    run, times = march(pair(0.1, 0.4).with_forces(force), duration=2000.0, samples=2), [1.0, 2.0, 1900.5]
+    for time, found in zip(times, run.at(times), strict=True):
+        assert found.forces == run.at(time).forces
+
+
 @pytest.mark.nightly
 def test_steps_are_chosen_with_tides_too_and_an_eccentric_orbit_keeps_its_angular_momentum():
     force = Tides("planet", k2=0.3, radius=0.01, lag=0.01, inertia=0.3, spin=3.0, pole=(0, 0.6, 0.8))

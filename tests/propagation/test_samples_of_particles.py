@@ -4,9 +4,12 @@ import numpy as np
 import pytest
 
 import orbits
+from orbits.marching.legs import samples
 from orbits.marching.legs.block_loop import BlockLoop
+from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 
 from ..problems import three_bodies
+from .test_particles_without_dt import falling
 
 NAMES = [*"abc", "p", "q", "r", "s"]
 
@@ -43,6 +46,23 @@ def test_samples_end_no_block_and_change_nothing(monkeypatch, direction):
     assert np.array_equal(some.v, threads.v)
 
 
+def test_samples_of_particles_with_many_steps_of_their_own_come_in_small_groups_with_the_same_bits(monkeypatch):
+    """A run can end only between them: of 300 particles with a thousand orbits in a step, 256 samples take 15 s."""
+    whole, _ = blocks_of(monkeypatch, duration=6.0, samples=301)
+    groups, shown = [], samples.SamplesByOwnClocks._samples_in
+    monkeypatch.setattr(samples, "WORK", 1)
+    monkeypatch.setattr(samples, "FEWEST", 3)
+    monkeypatch.setattr(
+        samples.SamplesByOwnClocks,
+        "_samples_in",
+        lambda self, behind, steps: groups.append(len(behind.steps)) or shown(self, behind, steps),
+    )
+    run = orbits.propagate(crowd(), duration=6.0, samples=301, progress=False)
+    assert max(groups) == 3
+    assert np.array_equal(run.q, whole.q)
+    assert np.array_equal(run.v, whole.v)
+
+
 def test_samples_are_where_bodies_with_a_mass_that_moves_nothing_are():
     """Their steps are those of all bodies: 2e-13 apart, as the two runs are at the ends of steps."""
     options = {"duration": 6.0, "samples": 301, "progress": False}
@@ -50,3 +70,59 @@ def test_samples_are_where_bodies_with_a_mass_that_moves_nothing_are():
     assert particles.statistics.steps < 301
     np.testing.assert_allclose(particles.q, bodies.q, rtol=0, atol=1e-12)
     np.testing.assert_allclose(particles.v, bodies.v, rtol=0, atol=1e-12)
+
+
+@pytest.mark.nightly
+def test_a_sample_just_after_the_beginning_of_a_step_is_reached_with_terms_that_have_momenta(monkeypatch):
+    """In a step of a moment, what momenta leave of a force is rounding errors, which no shorter step makes smaller."""
+    pole, ends, one_block = (0.36, 0.48, 0.8), [], BlockLoop.one_block
+    flat = ZonalHarmonics("a", J2=0.05, radius=0.3, pole=pole)
+    start = crowd().with_terms(flat, FrameDragging("a", spin=0.05, pole=pole, c=3.0))
+    start = start.with_forces(Drag(rate=1e-3, bodies=["b", "p"]))
+    monkeypatch.setattr(
+        BlockLoop, "one_block", lambda self, most: (one_block(self, most), ends.extend(self._leg.times.ends()))[0]
+    )
+    whole = orbits.propagate(start, duration=6.0, samples=2, progress=False)
+    monkeypatch.undo()
+    begun = np.unique(ends)[1:-1]
+    for later in (1e-14, 1e-11):
+        run = orbits.propagate(start, duration=6.0, samples=np.append(begun * (1.0 + later), 6.0), progress=False)
+        assert np.array_equal(run.q[-1], whole.q[-1])
+        assert not len(run.retired)
+
+
+@pytest.mark.parametrize("room", [1, 5 * 48 * 8])
+def test_few_samples_at_a_time_have_the_bits_of_many(monkeypatch, room):
+    options = {"duration": 20.0, "samples": 301, "progress": False}
+    whole = orbits.propagate(crowd(), **options)
+    monkeypatch.setattr(samples, "SHOWN_BYTES", room)
+    parts = orbits.propagate(crowd(), **options)
+    assert np.array_equal(whole.q, parts.q)
+    assert np.array_equal(whole.v, parts.v)
+
+
+@pytest.mark.filterwarnings("ignore::orbits.errors.RetiredWarning")
+@pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forwards", "backwards"])
+def test_a_particle_is_shown_up_to_where_it_is_lost_whatever_the_samples(direction):
+    """Two fall on a point within a step of the bodies, in which there are samples before and after that."""
+    many = orbits.propagate(falling(), duration=3.6 * direction, samples=1201, progress=False)
+    few = orbits.propagate(falling(), duration=3.6 * direction, samples=many.times[::100], progress=False)
+    assert few.retired.to_records() == many.retired.to_records()
+    for lost, body in zip(many.retired, (3, 4), strict=True):
+        gone = np.isnan(many.q.value[:, body]).any(axis=1)
+        assert np.array_equal(gone, np.abs(many.times) > abs(lost.time.value))
+        assert 0 < gone.sum() < 1200
+        assert np.linalg.norm(many.q.value[~gone, body][-1]) < 0.05  # 0.003 before its end
+    assert np.array_equal(few.q, many.q[::100], equal_nan=True)
+
+
+def test_samples_up_to_an_error_in_an_event_of_particles_stay():
+    def fails(t, q, v):
+        if t.max() > 20.0:
+            raise RuntimeError("no more")
+        return q[:, 3, 0]
+
+    event = orbits.events.Event(fails, bodies="p", name="mine")
+    with pytest.raises(RuntimeError, match="no more") as caught:
+        orbits.propagate(crowd(), duration=30.0, samples=301, events=event, progress=False)
+    assert len(caught.value.trajectory) > 150

@@ -60,9 +60,9 @@ class Block(NamedTuple):
 class SamplesInBlock(NamedTuple):
     """The samples that lie in a block, in the order of time.
 
-    first : (steps + 1,) int64; those in step k of the block are first[k] ... first[k + 1] - 1; empty if there are none
-    behind : the times from the beginnings of their steps to them
-    states : (samples, 6, padded), receives q and v of each particle there; those it cannot reach are left as they are
+    first : (steps + 1 or more,) int64; those in step k are first[k] ... first[k + 1] - 1; empty if there are none
+    behind : the times from the beginnings of their steps to them, for as many or more
+    states : as many, (6, padded) each, NaN; receive q and v of each particle there that gets there
     """
 
     first: Any

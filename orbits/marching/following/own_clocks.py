@@ -79,6 +79,10 @@ then at most 2.7 times the tolerance, which would not repeat the step."""
 NOISE = 1e-13
 """What rounding errors of positions may leave in the error signal, as a fraction of attractions that cancel."""
 
+ROUNDING = 1e-15
+"""What terms with momenta may leave in the error signal by rounding errors, as a fraction of the velocity: all there is
+of it in a step of a moment, up to a sample just after the beginning of a step of the bodies."""
+
 MOST_PARTS = 100_000_000
 """The most steps that a particle takes within one of the bodies: a minute."""
 
@@ -182,7 +186,8 @@ def judged(method, model, numbers, h, particle, storage, ends, reaches):
         Q = storage.scratch[3:]
         pulls = gross_field(model.tag, model.parameters, storage.stages, load(Q, 0), load(Q, 1), load(Q, 2))
         speed = max(abs(particle.vx), max(abs(particle.vy), abs(particle.vz)))
-        most = max(most, max(max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls), UNFELT * speed))
+        felt = max(UNFELT, ROUNDING / tolerance) * speed
+        most = max(most, max(max(CANCELLED, NOISE / tolerance) * abs(h) * largest(pulls), felt))
     factor = MOST if rest == 0.0 else min(max(root(tolerance * most / rest, power), LEAST), MOST)
     passed, near = narrowest(bodies(model.tag, model.parameters), ends, storage.scratch, reaches)
     if factor * factor * passed > PASSAGE * PASSAGE:
@@ -206,18 +211,19 @@ def proposed(h, factor, nodes, rates, stages):
 
 
 @kernel(inline=True)
-def follow(method, model, stepping, k, until, p, particle, own, storage):
+def follow(method, model, stepping, k, until, seen, p, particle, own, storage):
     """Take particle p through step k of the bodies, or through a part of it.
 
     method : with the table of `stepping`, an `OwnStepping`, whose log receives its state at the beginning of a whole
         step and, if it takes several steps in an encounter, after each of them
     until : the time since the beginning of the step up to which it is taken, not 0: the length of the step for all
+    seen : whether observers see it, as they do whole steps
     own : (4,), its clock; storage : with its L as the carry, and scratch
     Returns (particle, status, evaluations). One that cannot be stepped to the end is where it got to.
     """
     field, shared, log, numbers = stepping.field, stepping.shared, stepping.log, stepping.numbers
     since, H, begun = numbers[ORIGIN] + field.times[k], length_of(field, k), time_of(field, k)
-    watched = log.context != 0 and until == H
+    watched = log.context != 0 and seen
     table, carry, scratch, share = method.coefficients[0], storage.carry, storage.scratch, storage.share
     nodes, stages = load(table, NODES), 0
     while stages < WIDTH and table[WEIGHTS, stages] != 0.0:
@@ -325,7 +331,7 @@ def _take_step(own, method, model, clock, block, particles, room, k, p, particle
         before, proposal, reached = times[BEFORE], times[NEXT], times[REACHED]
         after, status, evaluations = particle, OK, 0
         if until != 0.0:
-            after, status, evaluations = follow(mine, model, own, k, until, p, particle, times, storage)
+            after, status, evaluations = follow(mine, model, own, k, until, i == last, p, particle, times, storage)
         if i == last:
             return after, status, evaluations
         if status == OK:

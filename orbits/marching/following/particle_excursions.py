@@ -173,7 +173,7 @@ def _go_through(walk, columns, track, p, steps, is_away):
             storage = Storage(walk.bodies.carry, walk.bodies.scratch, field.stages[k], share)
             clock, until = walk.bodies.clock, length_of(field, k)
             particle, status, count = follow(
-                walk.own_method, walk.own_model, walk.stepping, k, until, p, particle, clock, storage
+                walk.own_method, walk.own_model, walk.stepping, k, until, True, p, particle, clock, storage
             )
             evaluations += count
         k, left = k + 1 if status == OK else k, False

@@ -78,17 +78,18 @@ class March(ABC):
         while self.is_before(place):
             self.approach(place)
 
-    def along(self, places: Places) -> Iterator[tuple[Array, Array]]:
-        """March on to ascending places, and yield (q, v), each (m, n, 3), at those in the next block, if any, or in the
-        next step, until all are passed. Raises what `advance_to` raises, after the states before that.
+    def along(self, places: Places) -> Iterator[tuple[slice, Array, Array]]:
+        """March on to ascending places, and yield which are in the next block, or in the next step, and (q, v) there,
+        each (m, n, 3), until all are passed; after a block with none of them, an empty slice, and no states. Raises
+        what `advance_to` raises, after the states before that.
         """
         done, count, singly = 0, len(places.steps), 0
         while done < count:
             some = places.between(done, min(done + AT_ONCE, count))
             if not self.is_before(some.at(0)):
-                states = self.samples.ahead(some)
-                done += len(states[0])
-                yield states
+                q, v = self.samples.ahead(some)
+                yield slice(done, done + len(q)), q, v
+                done += len(q)
                 continue
             last = done + self.samples.together(some.between(0, 1) if done < singly else some)
             failure: IntegrationError | None = None
@@ -97,15 +98,14 @@ class March(ABC):
             except IntegrationError as error:
                 failure = error
             passed = self.samples.passed(places.between(done, last)) if last > done + 1 else 0
-            states = _NONE
+            q, v = _NONE
             if passed:
                 try:
-                    states = self.samples.in_block(places.between(done, done + passed))
+                    q, v = self.samples.in_block(places.between(done, done + passed))
                 except IntegrationError:  # no partial step to one of them: blocks end before each
-                    singly = last
-                    continue
-                done += passed
-            yield states
+                    singly, passed, failure = last, 0, None
+            yield slice(done, done + passed), q, v
+            done += passed
             if failure is not None:
                 raise failure
 

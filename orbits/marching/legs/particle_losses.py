@@ -122,7 +122,7 @@ class ParticleLosses(LegWatcher):
         if lost is None:
             return None
         self._found = _Found(lost, leg.step + lost.steps, leg.way.reached(leg.stepper.state, lost), contacts)
-        # That step as well, if it goes a part of it, in which there may be samples, or a body that it hits.
+        # With that step, if particles are lost within it: samples in it, and what they hit, may come before.
         within = leg.way.within and leg.problem.retire and lost.steps < count
         return Interruption(lost.steps + within, Kind.LOST)
 

@@ -36,6 +36,14 @@ _NOTHING = np.zeros((0, 2, 0))
 SHOWN_BYTES = 16 * 1024 * 1024
 """Size of the states of particles at the samples of a block, at the most; one sample takes as much as it takes."""
 
+WORK, FEWEST = 1_000_000, 32
+"""About the most evaluations for particles at samples that are shown together, if these are not fewer than the second:
+a run can end, and is stored, only after them. Each may take as many as a step of the bodies, which may be thousands of
+orbits of the particles; up to the end of the step, they are followed once more for each group."""
+
+UNKNOWN = 1000
+"""The evaluations for a particle in a step of the bodies, before they are known."""
+
 _NOWHERE = Places(np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
@@ -214,15 +222,33 @@ class SamplesByOwnClocks(SamplesOfLeg):
     def __init__(self, leg: Leg) -> None:
         super().__init__(leg)
         self._places, self._shown, self._steps = _NOWHERE, NO_SAMPLES, 0
-        columns = padded(len(leg.problem.particles))
-        self._room = leg.block + 1, max(1, SHOWN_BYTES // (48 * columns)), columns
+        self._columns = padded(len(leg.problem.particles))
+        self._most_shown = max(1, SHOWN_BYTES // (48 * self._columns))
+        self._counts, self._in_step = (leg.step, 0), float(UNKNOWN * len(leg.problem.particles))
+
+    def _at_once(self) -> int:
+        """Return how many samples may be shown together, by the evaluations in the steps since the last call."""
+        (step, known), leg = self._counts, self._leg
+        self._counts = leg.step, leg.stepper.particle_evaluations
+        if leg.step > step:
+            self._in_step = (leg.stepper.particle_evaluations - known) / (leg.step - step)
+        return min(max(int(WORK / max(self._in_step, 1.0)), FEWEST), self._most_shown)
 
     def together(self, places: Places) -> int:
         """Return how many of these places the next block may lead to."""
-        _, most, _ = self._room
-        count = min(super().together(places), most)
+        count = super().together(places.between(0, self._at_once()))
         self._places = places.between(0, count) if count > 1 else _NOWHERE
         return count
+
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched."""
+        count = super().passed(places)
+        self._places = self._places if count else _NOWHERE
+        return count
+
+    def ahead(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at the first of those of these places that lie in the next step with any."""
+        return super().ahead(places.between(0, self._at_once()))
 
     def of_particles(self, count: int) -> SamplesInBlock:
         """Return the samples in the block that the massive bodies have just taken, at which particles are shown."""
@@ -236,18 +262,12 @@ class SamplesByOwnClocks(SamplesOfLeg):
         """
         count, self._steps = len(behind.steps), steps
         if count > len(self._shown.behind):
-            block, _, columns = self._room
-            states = np.zeros((count, 6, columns))
-            self._shown = SamplesInBlock(np.zeros(block, dtype=np.int64), np.zeros(count), states)
+            room, first = min(2 * count, max(count, self._most_shown)), np.zeros(self._leg.block + 1, dtype=np.int64)
+            self._shown = SamplesInBlock(first, np.zeros(room), np.zeros((room, 6, self._columns)))
         self._shown.first[: steps + 1] = np.searchsorted(behind.steps, np.arange(steps + 1))
         self._shown.behind[:count] = behind.parts
         self._shown.states[:count] = np.nan
         return self._shown
-
-    def ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at those of these places that lie in the next step with any, or at fewer."""
-        _, most, _ = self._room
-        return super().ahead(places.between(0, most))
 
     def in_block(self, places: Places) -> tuple[Array, Array]:
         """Return (q, v), each (m, n, 3), at places in the block just marched."""
@@ -257,13 +277,16 @@ class SamplesByOwnClocks(SamplesOfLeg):
     def _let_follow(self, behind: Behind, numbers: Array | None) -> None:
         """Let copies of the particles follow the bodies in the step that these have just taken."""
         if numbers is None:
-            raise IntegrationError("the bodies have not taken the step alone.")
+            raise IntegrationError("the next step of the leg, in which particles would follow, is not known.")
         leg, samples = self._leg, self._samples_in(behind, 1)
         counts, retired = leg.stepper.counts(), leg.losses.retired
         retired.begin()
         copy = {name: x.copy() for name, x in leg.stepper.state.items() if name.startswith("particle_")}
-        leg.stepper.particles(copy, leg.clock, numbers, retired.block, None, 1, samples)
-        leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
+        try:
+            leg.stepper.particles(copy, leg.clock, numbers, retired.block, None, 1, samples)
+        finally:
+            self._in_step = float(leg.stepper.particle_evaluations - counts[1])
+            leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
 
     def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
         """Return the states behind those of a path, and those of particles, which have been shown; NaN where they are

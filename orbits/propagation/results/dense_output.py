@@ -187,13 +187,12 @@ def _marched(
     order = order[missing[order]]
     for some in np.split(order, np.flatnonzero(np.diff(before[order])) + 1) if len(order) else ():
         given = None if accounts is None else accounts[some[0]].copy()
-        again, done = MarchedAgain(trajectory, float(begun[some[0]]), *state(int(before[some[0]])), given), 0
-        for states in again.along(times[some]):
-            rows = some[done : done + len(states[0])]
+        again = MarchedAgain(trajectory, float(begun[some[0]]), *state(int(before[some[0]])), given)
+        for which, *states in again.along(times[some]):
+            rows = some[which]
             q[rows], v[rows] = states
-            if accounts is not None:
+            if accounts is not None and len(rows):
                 accounts[rows] = again.accounts()
-            done += len(rows)
     whole, _ = clock.places(times)
     for particle in trajectory.retired:  # a march that starts from a sample may get a step farther
         later, body = whole > particle.step, trajectory.names.index(particle.name)

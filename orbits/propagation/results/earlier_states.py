@@ -41,10 +41,8 @@ def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
     march = bound(system, run.integrator, clock, threads=1, state=start)
     q, v = np.full((2, len(times), len(run.names), 3), np.nan)
     there = [run.names.index(name) for name in system.names]
-    order, done = np.argsort(-times, kind="stable"), 0
-    for some in march.along(clock.places(times[order] - first)):
-        rows = order[done : done + len(some[0])]
-        done += len(rows)
-        for x, states in zip((q, v), some, strict=True):
-            x[rows[:, None], there] = states
+    order = np.argsort(-times, kind="stable")
+    for some, *states in march.along(clock.places(times[order] - first)):
+        rows = order[some, None]
+        q[rows, there], v[rows, there] = states
     return q, v

@@ -79,12 +79,11 @@ def _followed(run: Trajectory, clock: Clock, threads: int | None, stop: StopRequ
     out = np.full((len(run), len(run.names), 6), np.nan)
     marcher = bound(run.system, run.integrator, clock, threads)
     try:
-        order, done = np.argsort(run.times * clock.direction, kind="stable"), 0
-        for q, v in marcher.along(clock.places(run.times[order])):
-            for k, states in zip(order[done:].tolist(), zip(q, v, strict=True), strict=False):
+        order = np.argsort(run.times * clock.direction, kind="stable")
+        for some, q, v in marcher.along(clock.places(run.times[order])):
+            for k, *states in zip(order[some].tolist(), q, v, strict=True):
                 for at, x, known in zip((0, 3), states, run._sample(k), strict=True):
                     out[k, :, at : at + 3] = x - known
-            done += len(q)
             if stop.name:
                 break
     except IntegrationError as error:

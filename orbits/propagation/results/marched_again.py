@@ -39,14 +39,16 @@ class MarchedAgain:
         self._run, self._accounts = run, accounts
         self._begin(time, np.array(q), np.array(v))
 
-    def along(self, times: Array) -> Iterator[tuple[Array, Array]]:
-        """Yield q and v of all bodies, (m, n, 3), at the first m ascending times, and then at more of them, not before
-        those asked for earlier; NaN for those gone.
+    def along(self, times: Array) -> Iterator[tuple[slice, Array, Array]]:
+        """Yield which of ascending times, not before those asked for earlier, come next, or none, and q and v of all
+        bodies there, (m, n, 3); NaN for those gone.
         """
-        if self._run.changes is not None and len(self._run.changes):
-            yield from ((q[None], v[None]) for q, v in map(self.at, times.tolist()))
-        else:
+        if self._run.changes is None or not len(self._run.changes):
             yield from self.march.along(self._clock.places(times - self._start))
+            return
+        for k, time in enumerate(times.tolist()):
+            q, v = self.at(time)
+            yield slice(k, k + 1), q[None], v[None]
 
     def at(self, time: float) -> tuple[Array, Array]:
         """Return q and v of all bodies, (n, 3), at a time not before those asked for earlier; NaN for those gone."""
@@ -72,8 +74,8 @@ class MarchedAgain:
         return np.asarray((rows[:, GM] == GONE) & ~self._run.system.massive[rows[:, BODY].astype(int)])
 
     def accounts(self) -> Array:
-        """Return the accounts of the forces at the states yielded last, (m or 1, forces, 7 + inner), since the run
-        began, if they were given.
+        """Return the accounts of the forces at the states yielded last, if there were any, (m or 1, forces, 7 + inner),
+        since the run began, if they were given.
         """
         return self._with_those_before(self.march.samples.accounts())
 

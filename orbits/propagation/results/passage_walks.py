@@ -74,11 +74,8 @@ class Walk:
                 self.to(step)
                 q[k], v[k] = self.after(0.0)
             return q[rows], v[rows]
-        ahead, k = self._clock.places(self._clock.direction * places - self._begun), 0
-        for some in self.marcher.along(ahead):
-            done = k + len(some[0])
-            q[k:done], v[k:done] = some
-            k = done
+        for some, *states in self.marcher.along(self._clock.places(self._clock.direction * places - self._begun)):
+            q[some], v[some] = states
         return q[rows], v[rows]
 
     def chooses(self, step: float) -> bool:
