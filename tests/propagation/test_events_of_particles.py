@@ -197,6 +197,23 @@ def test_ways_on_which_bodies_stay_apart_are_left_out_and_no_approach_is(within,
     assert ways < 0.1 * 1500
 
 
+@pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forwards", "backwards"])
+def test_a_fast_passage_far_closer_than_bodies_move_between_two_checks_is_not_left_out(direction, monkeypatch):
+    """Past a light body, at 1e-3 of the way between two checks far from it; from 0.7 before that."""
+    bodies, past = system().remove("probe", "dust"), np.array([0.3, -0.2, 3.0])
+    q, v = bodies["moon"].q.value + np.array([2e-4, 0.0, -2e-5]), bodies["moon"].v.value + past
+    there = bodies.add("bullet", q=q, v=v)
+    bodies = orbits.propagate(there, duration=-0.7 * direction, samples=2, check_step=False)[-1]
+    options = {"duration": 1.5 * direction, "samples": 301}
+    near = sought(CloseApproach("bullet", "moon"), bodies, **options).events
+    close = CloseApproach("bullet", "moon", within=1.0001 * near[0].distance.value)
+    assert near[0].distance.value < 3e-4
+    found = sought(close, bodies, **options).events
+    same(near, found)
+    one_by_one(monkeypatch)
+    same(found, sought(close, bodies, **options).events)
+
+
 @pytest.mark.nightly
 def test_events_on_a_rough_motion_do_not_depend_on_when_an_archive_is_written(tmp_path, monkeypatch):
     """Elements along kicks and drifts turn with the phase of the step, from sample to sample of another one."""
