@@ -42,3 +42,12 @@ def three(**more):
     return planet(
         inner=(0.01, [1, 0, 0.2], [0, 0.9, 0.3]), outer=(0.002, [-2, 0.5, 0], [-0.1, -0.6, 0.3]), **more
     )
+
+
+def falling_particles():
+    """A star, a planet, a particle on a circle, and two that fall into the star after pi (r / 2)^1.5."""
+    q = [[0, 0, 0], [9, 0, 0], [2.5, 0, 0], [0, 0, 0.8], [0, 0, 2.0]]
+    v = [[0, 0, 0], [0, 1 / 3, 0], [0, 2.5**-0.5, 0], [0, 0, 0], [0, 0, 0]]
+    return orbits.System(
+        ["star", "planet", "p", "near", "far"], gm=[1.0, 1e-9, 0, 0, 0], q=q, v=v, units=orbits.DIMENSIONLESS
+    )

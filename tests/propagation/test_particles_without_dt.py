@@ -22,6 +22,7 @@ from orbits.terms import ZonalHarmonics
 from ..coverings import first
 from ..encounters import APOPHIS_MISS, apophis_2029, comet
 from ..problems import belt, three_bodies
+from .bodies import falling_particles
 
 AU_KM = 149597870.7
 FLYBYS = json.loads((Path(__file__).parent / "flybys_of_small_bodies.json").read_text())
@@ -185,17 +186,8 @@ def test_states_between_samples_and_backward_runs():
     np.testing.assert_allclose(back.q.value[-1], start.q.value, rtol=0, atol=5e-14)
 
 
-def falling():
-    """A star, a planet, a particle on a circle, and two that fall into the star after pi (r / 2)^1.5."""
-    q = [[0, 0, 0], [9, 0, 0], [2.5, 0, 0], [0, 0, 0.8], [0, 0, 2.0]]
-    v = [[0, 0, 0], [0, 1 / 3, 0], [0, 2.5**-0.5, 0], [0, 0, 0], [0, 0, 0]]
-    return orbits.System(
-        ["star", "planet", "p", "near", "far"], gm=[1.0, 1e-9, 0, 0, 0], q=q, v=v, units=orbits.DIMENSIONLESS
-    )
-
-
 def test_a_particle_that_hits_a_point_is_retired_where_and_when_it_does(tmp_path):
-    start, path = falling(), tmp_path / "run.h5"
+    start, path = falling_particles(), tmp_path / "run.h5"
     with pytest.warns(RetiredWarning, match=r"adaptive steps.*2 massless(?s:.*)near: t = 0.79(?s:.*)soft"):
         run = propagate(start, 6.0, samples=61, archive=path)
     assert run.retired.names == ("near", "far")
@@ -217,7 +209,7 @@ def test_a_particle_that_hits_a_point_is_retired_where_and_when_it_does(tmp_path
 
 @pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
 def test_a_run_resumed_after_a_retirement_has_its_bits(tmp_path):
-    start, path, seen = falling(), tmp_path / "run.h5", []
+    start, path, seen = falling_particles(), tmp_path / "run.h5", []
     whole = propagate(start, 6.0, samples=25)
     propagate(start, 6.0, samples=25, archive=path, callback=lambda t, state: seen.append(t) or len(seen) == 8)
     done = orbits.resume(path, progress=False)
@@ -226,7 +218,7 @@ def test_a_run_resumed_after_a_retirement_has_its_bits(tmp_path):
 
 
 def test_a_march_that_does_not_retire_particles_raises():
-    gm, q, v, _ = falling().values
+    gm, q, v, _ = falling_particles().values
     march = Leg.of(newtonian, orbits.Gauss(8), parameters(gm[:2]), gm > 0, q, v, orbits.Adaptive())
     with pytest.raises(IntegrationError):
         march.advance_to(Place(0, 6.0))

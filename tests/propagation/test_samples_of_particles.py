@@ -9,7 +9,7 @@ from orbits.marching.legs.block_loop import BlockLoop
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 
 from ..problems import three_bodies
-from .test_particles_without_dt import falling
+from .bodies import falling_particles
 
 NAMES = [*"abc", "p", "q", "r", "s"]
 
@@ -105,8 +105,8 @@ def test_few_samples_at_a_time_have_the_bits_of_many(monkeypatch, room):
 @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forwards", "backwards"])
 def test_a_particle_is_shown_up_to_where_it_is_lost_whatever_the_samples(direction):
     """Two fall on a point within a step of the bodies, in which there are samples before and after that."""
-    many = orbits.propagate(falling(), duration=3.6 * direction, samples=1201, progress=False)
-    few = orbits.propagate(falling(), duration=3.6 * direction, samples=many.times[::100], progress=False)
+    many = orbits.propagate(falling_particles(), duration=3.6 * direction, samples=1201, progress=False)
+    few = orbits.propagate(falling_particles(), duration=3.6 * direction, samples=many.times[::100], progress=False)
     assert few.retired.to_records() == many.retired.to_records()
     for lost, body in zip(many.retired, (3, 4), strict=True):
         gone = np.isnan(many.q.value[:, body]).any(axis=1)
