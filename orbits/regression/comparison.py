@@ -104,37 +104,33 @@ def compare(
     """
     for name in others:
         raise unknown_argument(compare, name)
-    asked = TimeGrid.of(_checked(system), dt, duration=duration, until=until, samples=samples)
-    return compared(
-        system,
-        integrators,
-        TimeGrid(asked.clock, asked.times),  # all end with the last sample, so that their seconds are those of one span
-        against=against,
-        tolerances=tolerances,
-        reference=reference,
-        title=title,
-        runs=runs,
-        threads=threads,
-        progress=progress,
-    )
+    given = TimeGrid.of(_checked(system), dt, duration=duration, until=until, samples=samples)
+    grid = TimeGrid(given.clock, given.times)  # all end with the last sample, so that their seconds are of one span
+    asked = asked_for(system, integrators, grid, against, tolerances, reference)
+    return compared(asked, title=title, runs=runs, threads=threads, progress=progress)
 
 
 class Asked(NamedTuple):
-    """What is compared: our methods, REBOUND's, the problem, the kind of reference, the bounds of our methods."""
+    """What is compared: on a system and a grid of steps and samples, our methods, REBOUND's, the problem, the kind of
+    reference, the bounds of our methods, and the tolerances from which they are.
+    """
 
+    system: System
+    grid: TimeGrid
     ours: list[Integrator]
     theirs: list[Peer]
     problem: Problem
     kind: str | float
     bounds: list[tolerance.Bounds]
+    tolerances: Mapping[str, Any] | None
 
 
-def asked(
+def asked_for(
     system: System,
     integrators: Any,
     grid: TimeGrid,
-    against: str | Sequence[str] | None = None,
-    tolerances: Mapping[str, Any] | None = None,
+    against: str | Sequence[str] | None,
+    tolerances: Mapping[str, Any] | None,
     reference: str | Quantity | float = "auto",
 ) -> Asked:
     """Return what a comparison is asked for, as in `compare`. Raises InputError (or a subclass) for wrong use."""
@@ -154,28 +150,23 @@ def asked(
         units=system.units,
         unit_of_report=problem.length,
     )
-    return Asked(ours, theirs, problem, kind, wanted)
+    return Asked(system, grid, ours, theirs, problem, kind, wanted, tolerances)
 
 
 def compared(
-    system: System,
-    integrators: Any,
-    grid: TimeGrid,
+    asked: Asked,
     *,
-    against: str | Sequence[str] | None = None,
-    tolerances: Mapping[str, Any] | None = None,
-    reference: str | Quantity | float = "auto",
     title: str | None = None,
     runs: Sequence[Trajectory] = (),
     threads: int | None = None,
     progress: bool | None = None,
     stages: Stages | None = None,
 ) -> Report:
-    """Compare on a given grid of steps and samples; otherwise like `compare`.
+    """Compare what is asked for; otherwise like `compare`.
 
     stages : how progress is told, instead of `progress`, and what is kept of each stage
     """
-    ours, theirs, problem, kind, wanted = asked(system, integrators, grid, against, tolerances, reference)
+    system, grid, ours, theirs, problem, kind, wanted, tolerances = asked
     done = _given(runs, system, ours, grid)
     stages = stages or Stages(_teller(progress), progress, unit=system.units.time)
     try:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     from orbits.propagation.control.heartbeat import Heartbeat
     from orbits.propagation.control.wall_clock import Deadline
+    from orbits.regression.comparison import Asked
     from orbits.system import System
     from orbits.time_grid import TimeGrid
     from orbits.trajectory import Trajectory
@@ -96,11 +97,7 @@ def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Tell
     for grid in grids.values():
         for method in scenario.integrators:
             grid.clock.check(method)
-    if _compares(scenario):
-        from orbits.regression.comparison import asked
-
-        for name, system in systems.items():
-            asked(system, list(scenario.integrators), grids[name], scenario.against, scenario.demands())
+    comparisons = {name: _comparison(scenario, system, grids[name]) for name, system in systems.items()}
     runs = Runs(scenario, systems, grids, folder)
     if report.exists() and not runs.stopped:  # what is there is finished
         runs.begin_anew()
@@ -108,7 +105,7 @@ def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Tell
     parts = {name: _parts(scenario, name, systems[name], grids[name], folder, say) for name in systems}
     say(_plan(scenario, systems, grids, plot))
     try:
-        outcome = _performed(scenario, folder, plot, pace, say, (runs, parts))
+        outcome = _performed(scenario, folder, plot, pace, say, (runs, parts, comparisons))
     except KeyboardInterrupt as stopped:
         there = [f"{name}, {part}" if name else part for name, each in parts.items() for part in each.kept]
         raise runs.interrupted(stopped, say.now, there) from None
@@ -133,13 +130,19 @@ def _plan(scenario: Scenario, systems: Mapping[str, System], grids: Mapping[str,
 
 
 def _performed(
-    scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Telling, kept: tuple[Runs, Mapping[str, Parts]]
+    scenario: Scenario,
+    folder: Path,
+    plot: bool,
+    pace: Pace,
+    say: Telling,
+    kept: tuple[Runs, Mapping[str, Parts], Mapping[str, Asked | None]],
 ) -> Outcome:
     cases: dict[str, CaseOutcome] = {}
-    runs, parts = kept
+    runs, parts, comparisons = kept
     for name, system in runs.systems.items():
         found = runs.of_case(name, pace, say)
-        cases[name] = CaseOutcome(name, system, found, _report(scenario, name, runs, found, parts[name], pace, say))
+        report = _report(scenario, name, comparisons[name], found, parts[name], pace, say)
+        cases[name] = CaseOutcome(name, system, found, report)
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
         checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
@@ -239,36 +242,36 @@ def _require_checks(name: str, checks: Sequence[Any]) -> None:
             raise InputError(f"scenario {name!r}: checks must yield orbits.scenarios.Check values, got {shown(check)}.")
 
 
-def _compares(scenario: Scenario) -> bool:
-    return bool(scenario.against or scenario.demands())
+def _comparison(scenario: Scenario, system: System, grid: TimeGrid) -> Asked | None:
+    """Return the comparison that a scenario asks for on a system, None for none. Raises InputError for wrong use."""
+    if not scenario.against and not scenario.demands():
+        return None
+    from orbits.regression.comparison import asked_for
+
+    return asked_for(system, list(scenario.integrators), grid, scenario.against, scenario.demands() or None)
 
 
 def _report(
     scenario: Scenario,
     name: str,
-    runs: Runs,
+    asked: Asked | None,
     found: Mapping[str, Trajectory],
     parts: Parts,
     pace: Pace,
     say: Say,
 ) -> Any:
-    if not _compares(scenario):
+    if asked is None:
         return None
     from orbits.regression.comparison import compared
     from orbits.regression.stages import Stages
 
     peers = ", ".join(scenario.against) or "the reference solution alone"
     say(f"{name + ', ' if name else ''}comparing with {peers}")
-    system = runs.systems[name]
     return compared(
-        system,
-        list(scenario.integrators),
-        runs.grids[name],
-        against=scenario.against,
-        tolerances=scenario.demands() or None,
+        asked,
         title=f"{scenario.headline()}: {name}" if name else scenario.headline(),
         runs=[run for run in found.values() if run.complete],
-        stages=Stages(say, pace.progress, pace.heartbeat, system.units.time, parts.get),
+        stages=Stages(say, pace.progress, pace.heartbeat, asked.system.units.time, parts.get),
     )
 
 
