@@ -340,10 +340,9 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
         gaps = np.diff(self.times)
         if not np.min(gaps, initial=0.0) < 0.0 < np.max(gaps, initial=0.0):
             return self
-        order = np.argsort(self.times * self.clock.direction, kind="stable")
-        return self._with_samples(self.times[order], as_array(self._q)[order], as_array(self._v)[order])
+        return self._some(np.argsort(self.times * self.clock.direction, kind="stable"))
 
-    def _some(self, samples: slice) -> Trajectory:
+    def _some(self, samples: slice | NDArray[np.intp]) -> Trajectory:
         try:
             times = self.times[samples]
         except (TypeError, ValueError) as error:

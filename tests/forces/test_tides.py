@@ -205,6 +205,14 @@ def test_spins_at_times_with_blocks_between_them_are_those_of_each_alone():
         assert found.forces == run.at(time).forces
 
 
+def test_energies_of_states_in_any_order_are_drawn_with_the_work_of_forces():
+    force = Tides("star", k2=0.3, radius=0.25, lag=0.02, inertia=0.08, spin=(0.3, -0.5, 1.4))
+    run = march(pair(0.1, 0.4).with_forces(force), duration=20.0, samples=2)
+    mixed, sorted_ = (run.at(times).plot("energy") for times in ([3.0, 1.0, 2.0], [1.0, 2.0, 3.0]))
+    for one, other in zip(mixed.axes[0].lines, sorted_.axes[0].lines, strict=True):
+        assert np.array_equal(one.get_xydata(), other.get_xydata())
+
+
 @pytest.mark.nightly
 def test_steps_are_chosen_with_tides_too_and_an_eccentric_orbit_keeps_its_angular_momentum():
     force = Tides("planet", k2=0.3, radius=0.01, lag=0.01, inertia=0.3, spin=3.0, pole=(0, 0.6, 0.8))
