@@ -107,9 +107,11 @@ def _compare(
         title, suffix = (f"{scenario.headline()}: {case}", f"-{slug(case)}") if case else (scenario.headline(), "")
         if kernels:
             for found in _residuals(scenario, step, system, kernels, title):
-                stem, kept = f"residuals-{found.stem}{suffix}", records.setdefault(case, {})
+                first, kept = f"residuals-{found.stem}{suffix}", records.setdefault(case, {})
+                stem, number = first, 1
                 while stem in kept:  # files of one name in two folders
-                    stem += "-"
+                    number += 1
+                    stem = f"{first}-{number}"
                 kept[stem] = found.record()
                 if not as_json:
                     print(found)
