@@ -20,10 +20,8 @@ from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array, padded
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.steps import OK
 from orbits.marching.clocks.step_times import UNLIMITED, Behind, Place, Places
 from orbits.marching.following.contract import NO_SAMPLES, SamplesInBlock
-from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.legs import within_step
 from orbits.marching.legs.interruptions import LegWatcher
 
@@ -294,16 +292,12 @@ class SamplesByOwnClocks(SamplesOfLeg):
         """
         x = super()._behind(path, carries, behind)
         leg, count = self._leg, len(behind.steps)
-        problem, state = leg.problem, leg.stepper.state
-        m, retired = len(problem.particles), leg.losses.retired
+        problem, state, m = leg.problem, leg.stepper.state, len(leg.problem.particles)
         shown = self._shown.states[:count, :, :m].reshape(count, 2, 3, m)
         shown[behind.steps == self._steps] = np.stack([state[f"particle_{name}"][:, :m] for name in "qv"])
-        missing, gone = np.isnan(shown).any(axis=(1, 2)), retired.gone()
+        missing, gone = np.isnan(shown).any(axis=(1, 2)), leg.losses.retired.gone()
         if (missing & ~(gone & problem.retire)).any():
             raise IntegrationError("a massless body cannot be followed to a sample.")
-        when = behind.begun - leg.times.start + behind.parts
-        late = (when[:, None] - state["particle_clock"][:, REACHED]) * leg.clock.direction > 0.0
-        missing |= late & (retired.table()[:, 0] != OK)
         out = np.empty((2, count, len(problem.bodies) + m, 3))
         for k in range(2):
             out[k][:, problem.bodies] = x[k]
