@@ -344,12 +344,12 @@ class GridTimes(StepTimes):
         """Begin at a time since the start of the run."""
         self.start = time
 
-    def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
-        """Return a copy after one step of the rest, with a cold start: the carry belongs to steps of this length."""
-        clock = ConstantSteps(place.rest)
-        copy: dict[str, Array] = leg.stepper.cold(leg.losses.retired.block, clock)
-        leg.loop.march_copy(copy, clock, 1)
-        return copy, clock
+    def copy_at(self, leg: Any, place: Place) -> dict[str, Array]:
+        """Return a copy after one step of the rest, with a cold start."""
+        retired = leg.losses.retired.block
+        copy: dict[str, Array] = leg.stepper.seen_copy(retired)
+        leg.stepper.take_part(copy, self.time, place.rest, retired)
+        return copy
 
     def led_to(self, places: Places, steps: int) -> int:
         """Return up to how many of these places a block of `steps` steps leads."""
@@ -363,6 +363,10 @@ class GridTimes(StepTimes):
     def behind(self, places: Places) -> Behind:
         """Return where places in the last block lie behind the beginnings of its steps."""
         return _behind(self, places, self.step - self._count)
+
+    def underway(self, places: Places) -> Behind:
+        """The same for a block that is being marched, whose steps are not counted yet."""
+        return _behind(self, places, self.step)
 
     def ahead_of(self, leg: Any, places: Places) -> Ahead:
         """Return the state of the leg, and where the places before its next step lie behind it."""

@@ -138,9 +138,9 @@ class StepTimes:
         """Return the place to which the next step leads, or one beyond it."""
         raise NotImplementedError
 
-    def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
+    def copy_at(self, leg: Any, place: Place) -> dict[str, Array]:
         """Return a copy of the state of the leg, marched from the whole steps taken to a place less than a step ahead,
-        and the clock by which it was. Raises an IntegrationError if a step on the way cannot be taken.
+        as it is seen. Raises an IntegrationError if a step on the way cannot be taken.
         """
         raise NotImplementedError
 
@@ -155,6 +155,10 @@ class StepTimes:
     def behind(self, places: Places) -> Behind:
         """Return where places in the last block lie behind the beginnings of its steps."""
         raise NotImplementedError
+
+    def underway(self, places: Places) -> Behind:
+        """The same for a block that is being marched, whose steps are noted, but not counted yet."""
+        return self.behind(places)
 
     def ahead_of(self, leg: Any, places: Places) -> Ahead:
         """Return the next step of a leg in which there are any of these places. Raises an IntegrationError if it cannot

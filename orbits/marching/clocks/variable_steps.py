@@ -265,13 +265,13 @@ class ChosenTimes(StepTimes):
         """Return a place that no step reaches."""
         return Place(0, self.clock.direction * FARTHEST)
 
-    def copy_at(self, leg: Any, place: Place) -> tuple[dict[str, Array], Clock]:
+    def copy_at(self, leg: Any, place: Place) -> dict[str, Array]:
         """Return a copy after the steps that the clock chooses, the last one of which ends at the place."""
         copy: dict[str, Array] = leg.stepper.copied()
         copy["clock"][[LIMIT, EXACT]] = place.rest, 1.0
         while leg.loop.march_copy(copy, self.clock, self._block) == self._block:
             pass
-        return copy, self.clock
+        return copy
 
     def passed(self, places: Places) -> int:
         """Return how many of these times do not lie ahead."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from orbits.kernels.clocks import step_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import full, lane, load, select, store, unit
+from orbits.kernels.lanes import WIDTH, full, lane, load, select, store, unit
 from orbits.kernels.maps.jacobi_tables import table_rows
 from orbits.kernels.search.encounters_of_particles import encounters_in, seen_at
 from orbits.kernels.search.paths import record_one
@@ -25,6 +25,8 @@ from orbits.kernels.steps import (
     leave_particles,
     step_particles,
 )
+from orbits.marching.following.contract import has_sample
+from orbits.marching.following.in_lanes import keep_one
 
 
 class Lone(NamedTuple):
@@ -50,6 +52,7 @@ class Walk(NamedTuple):
     method, model, clock, block : as for all particles; rules : see `Rules`; lone : see `Lone`
     storage : the particle's memory as the carry, the scratch of the thread, and tables of its own
     own_method, own_model : of the own steps, and of those of the bodies in whose field they are
+    samples : see `orbits.marching.following.contract.SamplesInBlock`
     bodies, stepping : see `orbits.marching.following.particle_excursions.FieldOfPlanets` and
         `orbits.marching.following.own_clocks.OwnStepping`
     """
@@ -63,6 +66,7 @@ class Walk(NamedTuple):
     storage: Any
     own_method: Any
     own_model: Any
+    samples: Any
     bodies: Any
     stepping: Any
 
@@ -104,12 +108,13 @@ def _alone():
 
 
 @kernel
-def march_alone(walk, track, k, steps, slot):
-    """March a particle by the map, from the beginning of step k, to the beginning of a step that the map cannot follow,
+def march_alone(walk, track, k, steps, p):
+    """March particle p by the map, from the beginning of step k, to the beginning of a step that the map cannot follow,
     or to the end of the block; return the number of that step, or `steps`. Its memory is then that of this time.
 
-    track, slot : receives its states in this lane, and has that before step k
+    track : receives its states in its lane, and has that before step k
     """
+    slot = p % WIDTH
     method, model, own = walk.method, walk.model, walk.storage
     if k == 0:
         first = Storage(own.carry, own.scratch, walk.block.stages[0], own.share)
@@ -132,6 +137,9 @@ def march_alone(walk, track, k, steps, slot):
         if lane(encounters_in(walk.rules, k, seen_at(track, k), seen_at(track, k + 1)), slot) != 0.0:
             break
         k, carry = k + 1, following
+        if k < steps and has_sample(walk.samples, k):
+            keep_particles(method, carry, own)
+            keep_one(walk.samples, k, p, particle_at(track, k, slot), own.carry[0])
     keep_particles(method, carry, own)
     return k
 

@@ -62,15 +62,37 @@ class SamplesInBlock(NamedTuple):
 
     first : (steps + 1 or more,) int64; those in step k are first[k] ... first[k + 1] - 1; empty if there are none
     behind : the times from the beginnings of their steps to them, for as many or more
-    states : as many, (6, padded) each, NaN; receive q and v of each particle there that gets there
+    states : as many, (6, padded) each, NaN; receive q and v of each particle there that gets there. Of a follower that
+        takes no parts of steps, (12, padded) each; the first one of each step receives q, q_lo, v and v_lo of all
+        particles at its beginning
+    memory : as many, each like that of all particles, which the same ones receive there; else empty
     """
 
     first: Any
     behind: Any
     states: Any
+    memory: Any
 
 
-NO_SAMPLES = SamplesInBlock(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 6, WIDTH)))
+NO_SAMPLES = SamplesInBlock(
+    np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, 6, WIDTH)), np.zeros((0, 0, 0, WIDTH))
+)
+
+
+@kernel(inline=True)
+def has_sample(samples, k):
+    """Return whether there is a sample in step k of a block, or at its beginning."""
+    return k + 1 < samples.first.shape[0] and samples.first[k] < samples.first[k + 1]
+
+
+@kernel(inline=True)
+def kept_at(samples, k):
+    """Return the columns and the memory in which particles are kept at the beginning of step k, in which there is a
+    sample.
+    """
+    row = samples.first[k]
+    states = samples.states[row]
+    return Columns(states[0:3], states[3:6], states[6:9], states[9:12]), samples.memory[row]
 
 
 class Followers(NamedTuple):
@@ -81,7 +103,7 @@ class Followers(NamedTuple):
         own: see `orbits.marching.following.own_clocks.BEFORE`
     retired : (padded, 2) int64, a row for each particle: why it was retired (0: it was not), and before which step of
         the block. One that cannot be stepped is retired alone, and keeps its state before the step
-    samples : see `SamplesInBlock`; of a follower that does not show them, blocks end before each
+    samples : see `SamplesInBlock`
     """
 
     columns: Columns

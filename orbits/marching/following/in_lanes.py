@@ -7,10 +7,10 @@ from __future__ import annotations
 from orbits.kernels.binding import Tag
 from orbits.kernels.clocks import step_of
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, full, lane, select, unit
+from orbits.kernels.lanes import WIDTH, full, lane, load, select, store, unit
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_particles
-from orbits.kernels.state import load_particles, store_particles
+from orbits.kernels.state import load_particles, store_particle, store_particles
 from orbits.kernels.steps import (
     NOT_FINITE,
     NOWHERE,
@@ -23,6 +23,7 @@ from orbits.kernels.steps import (
     step_pair,
     step_particles,
 )
+from orbits.marching.following.contract import has_sample, kept_at
 from orbits.marching.following.one_by_one import hide, march_each
 
 GROUP = 2 * WIDTH
@@ -40,14 +41,18 @@ def march_in_lanes(own, form, method, model, clock, block, particles, room, p, s
     carry = begin_pair(method, model, one, two, storages)
     record_particles(track, 0, one.x, one.y, one.z, one.vx, one.vy, one.vz)
     record_particles(other, 0, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-    evaluations = 0
-    for k in range(steps):
-        (t, h), storages = step_of(clock, k), (_at(block, particles, room, k, p), _at(block, particles, room, k, P))
-        one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
-        # At once, as methods that march other variables need these no longer.
-        record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
-        record_particles(other, k + 1, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-        evaluations += count * (stop - p)
+    evaluations, done = 0, 0
+    while done < steps:
+        if has_sample(particles.samples, done):
+            _keep(method, particles.samples, room, block.stages[done], done, p, P, one, two, carry)
+        first, done = done, _next_sample(particles.samples, done + 1, steps)
+        for k in range(first, done):
+            (t, h), storages = step_of(clock, k), (_at(block, particles, room, k, p), _at(block, particles, room, k, P))
+            one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
+            # At once, as methods that march other variables need these no longer.
+            record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+            record_particles(other, k + 1, two.x, two.y, two.z, two.vx, two.vy, two.vz)
+            evaluations += count * (stop - p)
     keep_pair(method, carry, storages)
     _finish(columns, retired, track, steps, p, one, stop)
     call_observer(room.observer, room.context, track, h, steps, p, stop)
@@ -55,6 +60,27 @@ def march_in_lanes(own, form, method, model, clock, block, particles, room, p, s
         _finish(columns, retired, other, steps, P, two, stop)
         call_observer(room.observer, room.context, other, h, steps, P, stop)
     return evaluations
+
+
+@kernel(inline=True)
+def _next_sample(samples, k, steps):
+    """Return the first step, from step k on, in which there is a sample; the number of steps if there is none."""
+    if samples.first.shape[0] == 0:
+        return steps
+    while k < steps and not has_sample(samples, k):
+        k += 1
+    return k
+
+
+@kernel(inline=True)
+def _keep(method, samples, room, stages, k, p, P, one, two, carry):
+    """Keep particles p ... p + 7 and P ... P + 7 at the beginning of step k, in which there is a sample."""
+    columns, memory = kept_at(samples, k)
+    store_particles(columns, p, one)
+    store_particles(columns, P, two)
+    here, there = Share(p, p + WIDTH, None), Share(P, P + WIDTH, None)
+    storages = Storage(memory, room.scratch, stages, here), Storage(memory, room.scratch, stages, there)
+    keep_pair(method, carry, storages)
 
 
 @kernel(inline=True)
@@ -127,10 +153,21 @@ def _is_finite(track, k, slot):
     return True
 
 
+@kernel
+def keep_one(samples, k, p, particle, carry):
+    """Keep a particle and its carry at the beginning of step k, in which there is a sample."""
+    columns, memory = kept_at(samples, k)
+    store_particle(columns, p, particle)
+    for row in range(carry.shape[0]):
+        store(memory[p], row, load(carry, row))
+
+
 @kernel(inline=True)
 def take_whole_step(own, method, model, clock, block, particles, room, k, p, particle):
     """Take a particle through step k of the bodies, in one step; return it, the status and the evaluations."""
     (t, h), carry = step_of(clock, k), particles.memory[p]
+    if has_sample(particles.samples, k):
+        keep_one(particles.samples, k, p, particle, carry)
     storage = Storage(carry, room.scratch, block.stages[k], Share(p, p + 1, None))
     particle, _, status, count = step_particles(method, model, t, h, particle, carry, storage)
     return particle, status, count

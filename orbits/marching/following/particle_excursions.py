@@ -46,7 +46,7 @@ from orbits.marching.following.alone_in_map import (
     state_of_planets,
 )
 from orbits.marching.following.bodies_between import length_of
-from orbits.marching.following.contract import Room
+from orbits.marching.following.contract import Room, has_sample, kept_at
 from orbits.marching.following.in_lanes import GROUP, march_in_lanes
 from orbits.marching.following.own_clocks import BEFORE, NEXT, REACHED, begin_stepping, follow
 from orbits.marching.following.own_steps_log import finish_log, log_state, report_log
@@ -151,12 +151,16 @@ def _go_through(walk, columns, track, p, steps, is_away):
     while k < steps and status == OK:
         if is_away and not left:
             record_particle(track, k, slot, particle)
+            if has_sample(walk.samples, k):
+                columns_there, memory_there = kept_at(walk.samples, k)
+                store_particle(columns_there, p, particle)
+                _keep_memory(walk, True, memory_there[p])
             if may_return(walk.rules, k, seen_at(track, k), slot):
                 enter_map(walk, k, particle)
                 is_away = False
         if not is_away:
             begun = k
-            k = march_alone(walk, track, begun, steps, slot)
+            k = march_alone(walk, track, begun, steps, p)
             evaluations += k - begun
             _log_map(walk, track, p, slot, begun, k)
             if k < steps:
@@ -245,7 +249,7 @@ def _march(own, form, method, model, clock, block, particles, room, first, last)
     walk = Walk(
         method, model, clock, block, _rules(own, block, h), lone,
         Storage(lone.memory, room.scratch, lone.tables, Share(0, 1, None)),
-        Method(form, stepping.table), Model(model.tag, own.bodies.parameters), own.bodies, stepping,
+        Method(form, stepping.table), Model(model.tag, own.bodies.parameters), particles.samples, own.bodies, stepping,
     )  # fmt: skip
     for p in range(first, last):
         for i in range(memory.shape[1]):

@@ -148,9 +148,11 @@ class Retired:
         self._count = particles
         self.block = self._known.copy()
 
-    def begin(self) -> None:
-        """Prepare for a block: reset it to the particles retired before."""
+    def begin(self, known: NDArray[np.int64] | None = None) -> None:
+        """Prepare for a block: reset it to the particles retired before, or to those of an earlier table, (m, 2)."""
         self.block[...] = self._known
+        if known is not None:
+            self.block[: self._count] = known
 
     def lost(self) -> Lost | None:
         """Return the particles that were lost first in the block just marched, or None."""

@@ -33,7 +33,7 @@ from orbits.marching.legs.march import March
 from orbits.marching.legs.particle_losses import ParticleLosses
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, record
-from orbits.marching.legs.samples import samples_of
+from orbits.marching.legs.samples_of_particles import samples_of
 from orbits.marching.legs.stepper import State, Stepper
 from orbits.marching.legs.ways import way_of
 from orbits.marching.stepping.motion import Motion

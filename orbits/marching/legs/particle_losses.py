@@ -121,6 +121,8 @@ class ParticleLosses(LegWatcher):
         lost = earlier(hits, self.retired.lost_or(self._encountered))
         if lost is None:
             return None
+        if 0 < lost.steps < count and leg.samples.come_before(lost.steps):
+            return Interruption(lost.steps, Kind.LOST)
         self._found = _Found(lost, leg.step + lost.steps, leg.way.reached(leg.stepper.state, lost), contacts)
         # With that step, if particles are lost within it: samples in it, and what they hit, may come before.
         within = leg.way.within and leg.problem.retire and lost.steps < count
@@ -148,6 +150,12 @@ class ParticleLosses(LegWatcher):
         leg.way.put(leg, lost, reached, contacts)
         self.retired.add(lost, step)
         return None
+
+    def begin_at(self, steps: int) -> None:
+        """Prepare for marching copies of the particles that were not retired `steps` steps before the end of the last
+        block: there, or before.
+        """
+        self.retired.begin(self._before if steps else None)
 
     def go_back(self, leg: Leg, steps: int, count: int) -> None:
         """Take back the particles that were retired in the last block, but not in its first `steps` steps."""

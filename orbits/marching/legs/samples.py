@@ -3,21 +3,18 @@
 The state within a step is that after a partial step of the method from the state at its beginning with its low parts,
 which are recorded where samples lie within steps: of a block of steps, all in one compiled call. A method that marches
 other variables than those seen, or whose carry has more than a guess, needs the carry after each step, which is
-recorded in blocks with several samples. Massless particles with clocks of their own take a part of a step up to a
-sample when they come to it; those that follow the stages of a step cannot, and to each of their samples a copy is
-marched.
+recorded in blocks with several samples. For massless particles see `orbits.marching.legs.samples_of_particles`.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
 from typing import TYPE_CHECKING
 from weakref import proxy
 
 import numpy as np
 
 from orbits.errors import IntegrationError
-from orbits.integrators.forms import Array, padded
+from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.lanes import WIDTH
 from orbits.marching.clocks.step_times import UNLIMITED, Behind, Place, Places
@@ -30,20 +27,6 @@ if TYPE_CHECKING:
     from orbits.marching.legs.march import March
 
 _NOTHING = np.zeros((0, 2, 0))
-
-SHOWN_BYTES = 16 * 1024 * 1024
-"""Size of the states of particles at the samples of a block, at the most; one sample takes as much as it takes."""
-
-WORK, FEWEST = 1_000_000, 32
-"""About the most evaluations for particles at samples that are shown together, if these are not fewer than the second:
-a run can end, and is stored, only after them. Each may take as many as a step of the bodies, which may be thousands of
-orbits of the particles; up to the end of the step, they are followed once more for each group."""
-
-UNKNOWN = 1000
-"""The evaluations for a particle in a step of the bodies, before they are known."""
-
-_NOWHERE = Places(np.zeros(0, dtype=np.int64), np.zeros(0))
-
 
 class Samples:
     """States of a march at samples, to each of which it leads in turn."""
@@ -77,6 +60,12 @@ class Samples:
         are to be shown as they follow.
         """
         return NO_SAMPLES
+
+    def come_before(self, step: int) -> bool:
+        """Return whether there are samples, within a step of the block or at its beginning, that come before the loss
+        of particles in it: the block then ends there, and they are lost in the next one.
+        """
+        return False
 
     def accounts(self) -> Array:
         """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
@@ -191,122 +180,3 @@ class SamplesOfLeg(Samples, LegWatcher):
         if carries is not None and leg.problem.forces:
             leg.shown = [{**leg.stepper.state, "memory": carry} for carry in carries]
         return q.reshape(count, 3, n).swapaxes(1, 2), v.reshape(count, 3, n).swapaxes(1, 2)
-
-
-class SamplesOfParticles(SamplesOfLeg):
-    """States at samples of massive bodies as they are without massless particles, and those of particles, which follow
-    the stages of a step, from copies.
-    """
-
-    def together(self, places: Places) -> int:
-        """Return 1: a block ends before each sample."""
-        return 1
-
-    def ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (1, n, 3), at the first of these places."""
-        first, leg = places.at(0), self._leg
-        q, v = self._of_copy(first)
-        if not leg.times.is_at(first):
-            shown, bodies = leg.shown, leg.problem.bodies
-            with suppress(IntegrationError):  # without particles, too, the bodies are then those of the copy
-                q[:, bodies], v[:, bodies] = self._in_next_step(places.between(0, 1))
-            leg.shown = shown
-        return q, v
-
-
-class SamplesByOwnClocks(SamplesOfLeg):
-    """States at samples, also of massless particles with clocks of their own: they are shown where they come by."""
-
-    def __init__(self, leg: Leg) -> None:
-        super().__init__(leg)
-        self._places, self._shown, self._steps = _NOWHERE, NO_SAMPLES, 0
-        self._columns = padded(len(leg.problem.particles))
-        self._most_shown = max(1, SHOWN_BYTES // (48 * self._columns))
-        self._counts, self._in_step = (leg.step, 0), float(UNKNOWN * len(leg.problem.particles))
-
-    def _at_once(self) -> int:
-        """Return how many samples may be shown together, by the evaluations in the steps since the last call."""
-        (step, known), leg = self._counts, self._leg
-        self._counts = leg.step, leg.stepper.particle_evaluations
-        if leg.step > step:
-            self._in_step = (leg.stepper.particle_evaluations - known) / (leg.step - step)
-        return min(max(int(WORK / max(self._in_step, 1.0)), FEWEST), self._most_shown)
-
-    def together(self, places: Places) -> int:
-        """Return how many of these places the next block may lead to."""
-        count = super().together(places.between(0, self._at_once()))
-        self._places = places.between(0, count) if count > 1 else _NOWHERE
-        return count
-
-    def passed(self, places: Places) -> int:
-        """Return how many of these places are in the block just marched."""
-        count = super().passed(places)
-        self._places = self._places if count else _NOWHERE
-        return count
-
-    def ahead(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at the first of those of these places that lie in the next step with any."""
-        return super().ahead(places.between(0, self._at_once()))
-
-    def of_particles(self, count: int) -> SamplesInBlock:
-        """Return the samples in the block that the massive bodies have just taken, at which particles are shown."""
-        if not len(self._places.steps):
-            return NO_SAMPLES
-        return self._samples_in(self._leg.times.behind(self._places), count)
-
-    def _samples_in(self, behind: Behind, steps: int) -> SamplesInBlock:
-        """Return samples behind the beginnings of the steps of a block of `steps` steps, of whose states nothing is
-        known.
-        """
-        count, self._steps = len(behind.steps), steps
-        if count > len(self._shown.behind):
-            room, first = min(2 * count, max(count, self._most_shown)), np.zeros(self._leg.block + 1, dtype=np.int64)
-            self._shown = SamplesInBlock(first, np.zeros(room), np.zeros((room, 6, self._columns)))
-        self._shown.first[: steps + 1] = np.searchsorted(behind.steps, np.arange(steps + 1))
-        self._shown.behind[:count] = behind.parts
-        self._shown.states[:count] = np.nan
-        return self._shown
-
-    def in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched."""
-        self._places = _NOWHERE
-        return super().in_block(places)
-
-    def _let_follow(self, behind: Behind, numbers: Array | None) -> None:
-        """Let copies of the particles follow the bodies in the step that these have just taken."""
-        if numbers is None:
-            raise IntegrationError("the next step of the leg, in which particles would follow, is not known.")
-        leg, samples = self._leg, self._samples_in(behind, 1)
-        counts, retired = leg.stepper.counts(), leg.losses.retired
-        retired.begin()
-        copy = {name: x.copy() for name, x in leg.stepper.state.items() if name.startswith("particle_")}
-        try:
-            leg.stepper.particles(copy, leg.clock, numbers, retired.block, None, 1, samples)
-        finally:
-            self._in_step = float(leg.stepper.particle_evaluations - counts[1])
-            leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
-
-    def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
-        """Return the states behind those of a path, and those of particles, which have been shown; NaN where they are
-        gone. Raises an IntegrationError if one could not be followed that is there.
-        """
-        x = super()._behind(path, carries, behind)
-        leg, count = self._leg, len(behind.steps)
-        problem, state, m = leg.problem, leg.stepper.state, len(leg.problem.particles)
-        shown = self._shown.states[:count, :, :m].reshape(count, 2, 3, m)
-        shown[behind.steps == self._steps] = np.stack([state[f"particle_{name}"][:, :m] for name in "qv"])
-        missing, gone = np.isnan(shown).any(axis=(1, 2)), leg.losses.retired.gone()
-        if (missing & ~(gone & problem.retire)).any():
-            raise IntegrationError("a massless body cannot be followed to a sample.")
-        out = np.empty((2, count, len(problem.bodies) + m, 3))
-        for k in range(2):
-            out[k][:, problem.bodies] = x[k]
-            out[k][:, problem.particles] = np.where(missing[:, None], np.nan, shown[:, k]).swapaxes(1, 2)
-        return out[0], out[1]
-
-
-def samples_of(leg: Leg) -> SamplesOfLeg:
-    """Return how the states of a leg at samples come about."""
-    if not len(leg.problem.particles):
-        return SamplesOfLeg(leg)
-    return SamplesByOwnClocks(leg) if leg.stepper.loops.shows_samples else SamplesOfParticles(leg)

@@ -15,7 +15,7 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NOT_CONVERGED, OK, TOO_SHORT
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.constant import Clock, ConstantSteps
 from orbits.marching.clocks.step_times import StepTimes
 from orbits.marching.following.contract import NO_SAMPLES, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from orbits.marching.watching.leg_observers import Observers
 
 State = dict[str, Array]
+
+_NOTHING = np.zeros(0)
 
 
 class Stepper:
@@ -142,21 +144,30 @@ class Stepper:
 
         retired : see `Retired.block`; particles : those of which it is wanted; all by default
         """
-        if not (self.form.transforms and self.times.step):
-            return self.state
+        return self.seen_copy(retired, particles) if self.form.transforms and self.times.step else self.state
+
+    def seen_copy(self, retired: NDArray[np.int64], particles: NDArray[np.intp] | None = None) -> State:
+        """Return a copy of the state as it is seen; the arguments are those of `as_seen`."""
         copy = self.copied()
-        self.loops.leave(copy, self.problem.clock, retired, particles)
+        if self.times.step:
+            self.loops.leave(copy, self.problem.clock, retired, particles)
         return copy
 
-    def cold(self, retired: NDArray[np.int64], clock: Clock) -> State:
-        """Return a copy of the state as it is seen, for a step of another clock: the carry belongs to steps of h."""
-        seen = self.as_seen(retired)
-        copy = self.copied() if seen is self.state else seen
-        self.form.forget(copy["memory"])
+    def take_part(self, seen: State, time: float, part: float, retired: NDArray[np.int64]) -> None:
+        """March a copy of a state, which is seen at a time, by a part of a constant step, with a cold start: the carry
+        belongs to whole steps. It is then what is seen. Raises an IntegrationError if that cannot be taken.
+
+        retired : see `Retired.block`; receives the particles that are lost on the way
+        """
+        clock = ConstantSteps(part)
+        numbers = clock.numbers(time, 0)
+        self.form.forget(seen["memory"])
         if not (self.form.transforms or self.form.keeps_particles):
-            copy["particle_memory"][:] = 0.0
-        self.loops.enter(copy, clock, retired)
-        return copy
+            seen["particle_memory"][:] = 0.0
+        self.loops.enter(seen, clock, retired)
+        self.bodies(seen, self.state, clock, numbers, _NOTHING, 1)
+        self.particles(seen, clock, numbers, retired, None, 1)
+        self.loops.leave(seen, clock, retired)
 
     def gather(self, state: Mapping[str, Array], gone: NDArray[np.bool_]) -> tuple[Array, Array]:
         """Return (q, v), each (n, 3), in the order of the caller; NaN for particles that are `gone`, (m,)."""

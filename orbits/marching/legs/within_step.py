@@ -32,14 +32,13 @@ def state_at(leg: Leg, place: Place) -> States:
     counts = stepper.counts()
     retired.begin()
     try:
-        copy, clock = leg.times.copy_at(leg, place)
+        copy = leg.times.copy_at(leg, place)
         lost = retired.lost()
         failure = None if lost is None or leg.problem.retire else leg.losses.lose(leg, lost, leg.step, {}, {})
         if failure is not None:
             raise failure
     finally:
         stepper.evaluations, stepper.particle_evaluations = counts
-    stepper.loops.leave(copy, clock, retired.block)
     leg.shown = [copy]
     return stepper.gather(copy, retired.gone())
 
