@@ -1,10 +1,13 @@
-"""Samples of massless bodies with clocks of their own: shown as they come by, they cost no block and change nothing."""
+"""Samples of massless bodies cost no block and change nothing: by clocks of their own they are shown as they come by,
+through stages they are copied from the beginnings of steps.
+"""
 
 import numpy as np
 import pytest
+from astropy import units as u
 
 import orbits
-from orbits.marching.legs import samples
+from orbits.marching.legs import samples_of_particles as samples
 from orbits.marching.legs.block_loop import BlockLoop
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 
@@ -21,11 +24,11 @@ def crowd(mass=0.0):
     return orbits.System(NAMES, gm=np.where(gm > 0.0, gm, mass), q=q, v=v, units=orbits.DIMENSIONLESS)
 
 
-def blocks_of(monkeypatch, **options):
-    """Return a run, and the number of its blocks."""
+def blocks_of(monkeypatch, system=None, *method, **options):
+    """Return a run, by default of the crowd, and the number of its blocks."""
     taken, one_block = [], BlockLoop.one_block
     monkeypatch.setattr(BlockLoop, "one_block", lambda self, most: taken.append(most) or one_block(self, most))
-    run = orbits.propagate(crowd(), progress=False, **options)
+    run = orbits.propagate(system or crowd(), *method, progress=False, **options)
     monkeypatch.undo()
     return run, len(taken)
 
@@ -114,6 +117,56 @@ def test_a_particle_is_shown_up_to_where_it_is_lost_whatever_the_samples(directi
         assert 0 < gone.sum() < 1200
         assert np.linalg.norm(many.q.value[~gone, body][-1]) < 0.05  # 0.003 before its end
     assert np.array_equal(few.q, many.q[::100], equal_nan=True)
+
+
+def belt():
+    """A star, two planets, and particles that move between them, near one of them, and towards the star."""
+    orbit = {"a": 1.6 * u.au, "e": 0.1, "inc": 0.2 * u.rad}
+    system = orbits.System.from_elements(
+        {
+            "star": {"mass": 1 * u.M_sun},
+            "b": {"a": 1 * u.au, "e": 0.05, "M": 0.4 * u.rad, "mass": 1e-4 * u.M_sun},
+            "calm": {**orbit, "M": 1 * u.rad},
+            "c": {"a": 2.6 * u.au, "e": 0.05, "M": 1 * u.rad, "mass": 1e-3 * u.M_sun},
+            "crosses": {**orbit, "e": 0.6, "M": 2.5 * u.rad},
+            "falls": {**orbit, "e": 0.99, "M": 3 * u.rad},
+            "stays": {**orbit, "M": 4 * u.rad},
+        }
+    )
+    q, v = (x.value.copy() for x in (system.q, system.v))
+    near = system.index("c"), system.index("crosses")
+    q[near[1]], v[near[1]] = q[near[0]] + [0.7, 0.1, 0.0], v[near[0]] - [3e-3, 0.0, 0.0]
+    return system.replaced(q=q * system.q.unit, v=v * system.v.unit)
+
+
+THROUGH_STAGES = {
+    "kicks": ("stormer-verlet", []),
+    "collocation": ("gauss", ["falls"]),
+    "a map": ("wisdom-holman", []),
+    "a map that retires": (orbits.WisdomHolman(encounters="retire"), ["falls"]),
+    "a map that follows": (orbits.WisdomHolman(encounters="follow"), []),
+}
+"""Methods, and the particle that is retired last."""
+
+
+@pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
+@pytest.mark.parametrize("direction", [1, -1], ids=["forwards", "backwards"])
+@pytest.mark.parametrize("what", THROUGH_STAGES)
+def test_samples_through_stages_are_those_one_by_one_and_end_no_block(monkeypatch, what, direction):
+    """On the grid and off it, several in a step, before particles are retired, in encounters and after them."""
+    options = {"dt": 4 * u.day, "duration": direction * 2000 * u.day, "check_step": False}
+    times = np.union1d(np.arange(0.0, 2000.0, 12.0), np.arange(1.0, 2000.0, 2.9)) * direction
+    method, retired = THROUGH_STAGES[what]
+    together, blocks = blocks_of(monkeypatch, belt(), method, samples=times, **options)
+    _, least = blocks_of(monkeypatch, belt(), method, samples=2, **options)
+    assert blocks <= least + 30 < len(times) / 10
+    one_by_one = orbits.propagate(belt(), method, samples=times, callback=lambda t, state: None, **options)
+    assert np.array_equal(together.q, one_by_one.q, equal_nan=True)
+    assert np.array_equal(together.v, one_by_one.v, equal_nan=True)
+    assert together.retired.to_records() == one_by_one.retired.to_records()
+    few = orbits.propagate(belt(), method, samples=times[::7], threads=2, **options)
+    assert np.array_equal(few.q, together.q[::7], equal_nan=True)
+    assert [lost.name for lost in together.retired] [-1:] == retired
 
 
 def test_samples_up_to_an_error_in_an_event_of_particles_stay():

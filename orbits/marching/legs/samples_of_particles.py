@@ -231,9 +231,9 @@ class SamplesThroughStages(SamplesOfParticles):
 
     def _show(self, copy: State, step: int, time: float, part: float) -> None:
         """March a copy of the state at the beginning of a step by a part of it, and compute what is seen there."""
-        leg, retired = self._leg, self._leg.losses.retired.block
+        leg, loops, retired = self._leg, self._leg.stepper.loops, self._leg.losses.retired.block
         if leg.times.step - self._steps + step:
-            leg.stepper.loops.leave(copy, leg.clock, retired)
+            (loops.leave if part else loops.leave_particles)(copy, leg.clock, retired)
         if part:
             leg.stepper.take_part(copy, time, part, retired)
 

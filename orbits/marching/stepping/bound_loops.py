@@ -210,8 +210,18 @@ class BoundLoops:
         particles : those of which it is wanted; all by default
         """
         if self._form.transforms:
-            self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
+            self.leave_particles(state, clock, retired, particles)
             driver.leave_march(*self._transformation(state, clock))
+
+    def leave_particles(
+        self,
+        state: dict[str, Array],
+        clock: Clock,
+        retired: NDArray[np.int64] | None = None,
+        particles: NDArray[np.intp] | None = None,
+    ) -> None:
+        """Compute what is seen of particles alone; the arguments are those of `leave`."""
+        self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
 
     def _transform_particles(
         self,

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
-from orbits.marching.clocks.step_times import Place
+from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.chosen_steps import FIRST_BLOCK, NOT_YET, ChosenSteps
@@ -31,6 +32,7 @@ from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
 from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, joined, seen_by
+from orbits.marching.legs.samples import Samples
 
 
 class PlanetExcursions(March):
@@ -69,6 +71,11 @@ class PlanetExcursions(March):
     def excursions(self) -> tuple[NDArray[np.int64], int] | None:
         """Return the excursions from the map that are listed, see `LEFT`, and how many there were."""
         return np.array(self._chosen.rows, dtype=np.int64).reshape(-1, 4), self._chosen.count
+
+    @cached_property
+    def samples(self) -> Samples:
+        """Its states at samples."""
+        return SamplesOfBoth(self)
 
     @property
     def step(self) -> int:
@@ -213,6 +220,35 @@ class PlanetExcursions(March):
         self._last, self._leaves.found, self._looked = self.leg, None, NOT_YET
         for leg in (self._map, self._chosen.leg):
             leg.bounds.beware(FIRST_BLOCK)
+
+
+class SamplesOfBoth(Samples):
+    """Those of the leg of the map; of the leg of chosen steps, one by one."""
+
+    def __init__(self, march: PlanetExcursions) -> None:
+        super().__init__(march)
+        self._map = march.home.samples
+
+    @property
+    def _by_map(self) -> bool:
+        return self._march.current.leg is self._march.home
+
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to."""
+        return self._map.together(places) if self._by_map else 1
+
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched, with states that are known."""
+        return self._map.passed(places)
+
+    def in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched."""
+        return self._map.in_block(places)
+
+    def ahead(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at the first of these places, or at those in the next step of the map."""
+        self._march.is_before(places.at(0))  # all bodies leave the map here, if its step is one of an encounter
+        return self._map.ahead(places) if self._by_map else super().ahead(places)
 
 
 Legs = Leg | PlanetExcursions
