@@ -8,14 +8,14 @@ the grid of steps stays. What is found depends on the whole steps alone: samples
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, IntegrationError, StorageError
-from orbits.marching.clocks.step_times import Place
+from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.planet_excursions import Legs
@@ -23,6 +23,7 @@ from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
 from orbits.marching.legs.next_step import pass_by, step_back
 from orbits.marching.legs.record import Record, seen_by
+from orbits.marching.legs.samples import Samples
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
 from orbits.propagation.collisions.contacts import Contacts, End, Outcome
 from orbits.propagation.collisions.merge_and_bounce import State
@@ -67,6 +68,11 @@ class ChainOfLegs(March):
         """The march of the bodies that are there now."""
         return self._leg
 
+    @cached_property
+    def samples(self) -> SamplesOfChain:
+        """Its states at samples."""
+        return SamplesOfChain(self)
+
     @property
     def step(self) -> int:
         """Whole steps taken; of constant steps those of the grid."""
@@ -97,8 +103,13 @@ class ChainOfLegs(March):
 
     def accounts(self) -> Array:
         """Return the time integrals of each force up to the state returned last; see `Leg.accounts`."""
-        work = self._work.copy()
-        work[self.bodies.acting()] += self._leg.accounts()
+        work: Array = self.with_work_before(self._leg.accounts()[None])[0]
+        return work
+
+    def with_work_before(self, accounts: Array) -> Array:
+        """Return the time integrals of all forces, (m, forces, columns), given those in the current leg."""
+        work: Array = np.repeat(self._work[None], len(accounts), axis=0)
+        work[:, self.bodies.acting()] += accounts
         return work
 
     def state(self) -> tuple[Array, Array]:
@@ -172,7 +183,8 @@ class ChainOfLegs(March):
         if touched is not None:
             step_back(leg)
         self.found = self._events.after(leg) if self._seeks else None
-        if contacts is not None and touched is not None and self.found is None:
+        waits = touched is not None and self.samples.come_first(touched.time)
+        if contacts is not None and touched is not None and self.found is None and not waits:
             self._interrupt(contacts.in_step(leg.home, touched))
             if leg is self._leg and self.found is None and self.ended is None:
                 pass_by(leg)
@@ -211,6 +223,10 @@ class ChainOfLegs(March):
             self._work = self.accounts()
             step, self._grid = self._grid + 1, -1
             self._follow(self.bodies.march(*self._leg.state(), self.clock), self._leg, step, self.time)
+
+    def leg_of_whole_steps(self, place: Place) -> Legs | None:
+        """Return the march of the bodies that are there now, if it has whole steps before a place."""
+        return self._leg if self._grid < 0 and self._leg.is_before(place) else None
 
     def _steps_before(self, place: Place) -> bool:
         return place.steps > self._grid if self._grid >= 0 else self._leg.is_before(place)
@@ -289,6 +305,50 @@ class ChainOfLegs(March):
         self._leg.restore({**parts, "counts": counts})
         if within:  # what it knows of earlier legs is of the steps of the grid; its own is the part of one
             self._leg.home.times.step = 0
+
+
+class SamplesOfChain(Samples):
+    """States at samples: in a block those of the leg that marched it, with all bodies of the run."""
+
+    _march: ChainOfLegs
+    _first: float | None = None
+    _waits_at: float | None = None
+    _leg: Legs | None = None
+
+    def together(self, places: Places) -> int:
+        """Return how many of these places the next block may lead to: one within the next step, or a part of one, which
+        bodies may come to in contact.
+        """
+        self._leg = leg = self._march.leg_of_whole_steps(places.at(0))
+        count = 1 if leg is None or self._march.time == self._waits_at else leg.samples.together(places)
+        self._first = self._march.clock.time_at(places.at(0)) if count > 1 else None
+        return count
+
+    def come_first(self, end: float) -> bool:
+        """Return whether some of those to which the block led come before the end of the step of a contact: they are
+        taken before it, from where the march is, and those in that step one by one.
+        """
+        march, self._waits_at = self._march, None
+        if self._first is not None and (self._first - end) * march.clock.direction < 0.0:
+            self._waits_at = march.time
+        return self._waits_at is not None
+
+    def passed(self, places: Places) -> int:
+        """Return how many of these places are in the block just marched, with states that are known."""
+        same = self._leg is not None and self._leg is self._march.current
+        return self._march.current.samples.passed(places) if same else 0
+
+    def in_block(self, places: Places) -> tuple[Array, Array]:
+        """Return (q, v), each (m, n, 3), at places in the block just marched."""
+        march = self._march
+        times = [march.clock.time_at(places.at(k)) for k in range(len(places.steps))]
+        states = zip(*march.current.samples.in_block(places), times, strict=True)
+        q, v = zip(*[march.bodies.whole((q, v), time) for q, v, time in states], strict=True)
+        return np.stack(q), np.stack(v)
+
+    def accounts(self) -> Array:
+        """Return what is known of each force at each of the states returned last, (m or 1, forces, columns)."""
+        return self._march.with_work_before(self._march.current.samples.accounts())
 
 
 def _corner(shape: tuple[int, ...]) -> tuple[slice, ...]:

@@ -151,6 +151,56 @@ def test_samples_of_what_is_in_carries_are_those_one_by_one_and_end_no_block(wha
     assert blocks <= 4 < many
 
 
+def ring() -> orbits.System:
+    """Bodies on one circle about another, which run into each other, a massless one among them."""
+    angles, speeds = np.array([0.0, 0.3, 0.5, 1.1, 1.6, 2.4]), np.array([1.0, 0.97, 1.02, 0.99, 0.96, 1.01])
+    zero = np.zeros_like(angles)
+    q = np.vstack([np.zeros(3), np.column_stack([np.cos(angles), np.sin(angles), zero])])
+    v = np.vstack([np.zeros(3), np.column_stack([-np.sin(angles), np.cos(angles), zero]) * speeds[:, None]])
+    gm = [1.0, 1e-4, 1e-5, 1e-4, 0.0, 1e-5, 1e-4]
+    return orbits.System([*"sabcdef"], gm, q, v, units=orbits.DIMENSIONLESS, radii=[5e-3] + 6 * [0.03])
+
+
+def faster(t, system):
+    return system.replaced(v=system.v * 1.001)
+
+
+CHANGING = {
+    "no event": [],
+    "mergers": [orbits.events.Collision(then=orbits.events.Merge())],
+    "bounces": [orbits.events.Collision(then=orbits.events.Bounce()), orbits.events.Pericentre("a")],
+    "listed": [orbits.events.Collision()],
+    "a function": [orbits.events.PlaneCrossing("a", normal=(1, 0, 0), then=faster)],
+}
+
+
+@pytest.mark.filterwarnings("ignore::orbits.errors.OrbitsWarning")
+@pytest.mark.parametrize("dt", [None, 0.05, -0.05], ids=["chosen", "constant", "backwards"])
+@pytest.mark.parametrize("what", CHANGING)
+def test_samples_of_bodies_that_change_are_those_one_by_one_and_end_few_blocks(what, dt, monkeypatch):
+    """Several in the step of a change, before it and after it, and in steps that are shorter than they were proposed,
+    among a particle that is retired backwards.
+    """
+    sign, times = (-1.0 if dt == -0.05 else 1.0), np.linspace(0.0, 14.0, 1401)
+
+    def run(samples, callback=None):
+        how = {"dt": dt and abs(dt), "until": sign * 14.0, "check_step": False, "progress": False}
+        return orbits.propagate(ring(), GAUSS, samples=samples, events=CHANGING[what], callback=callback, **how)
+
+    together, blocks = blocks_of(monkeypatch, lambda: run(sign * times))
+    few, least = blocks_of(monkeypatch, lambda: run(sign * times[[0, 700, -1]]))
+    one_by_one = run(sign * times, lambda t, state: None)
+    assert (len(together.events) > 0) == bool(CHANGING[what])
+    assert blocks <= least + 12 * (1 + len(together.events))
+    for name in ("q", "v"):
+        states = getattr(together, name)
+        assert np.array_equal(states, getattr(one_by_one, name), equal_nan=True)
+        assert np.array_equal(states[[0, 700, -1]], getattr(few, name), equal_nan=True)
+    assert together.events.to_records() == one_by_one.events.to_records() == few.events.to_records()
+    again = together.at(sign * times[5::50])
+    assert np.array_equal(again.q, together.q[5::50], equal_nan=True)
+
+
 def test_samples_at_an_encounter_are_right_to_their_last_digit():
     """A comet at its closest to Jupiter: from the state at the beginning of that step, rounded, the velocity would be
     wrong by 124 units of its last digit.

@@ -368,7 +368,7 @@ class GridTimes(StepTimes):
         """The same for a block that is being marched, whose steps are not counted yet."""
         return _behind(self, places, self.step)
 
-    def ahead_of(self, leg: Any, places: Places) -> Ahead:
+    def ahead_of(self, leg: Any, places: Places, passed: Callable[[Array], None]) -> Ahead:
         """Return the state of the leg, and where the places before its next step lie behind it."""
         count = int(np.searchsorted(places.steps, self.step + 1))
         return Ahead(leg.stepper.state, _behind(self, places.between(0, count), self.step))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -160,9 +160,11 @@ class StepTimes:
         """The same for a block that is being marched, whose steps are noted, but not counted yet."""
         return self.behind(places)
 
-    def ahead_of(self, leg: Any, places: Places) -> Ahead:
+    def ahead_of(self, leg: Any, places: Places, passed: Callable[[Array], None]) -> Ahead:
         """Return the next step of a leg in which there are any of these places. Raises an IntegrationError if it cannot
         be taken.
+
+        passed : is given the numbers of the clock once the bodies have taken a step before it
         """
         raise NotImplementedError
 
@@ -199,7 +201,7 @@ class Behind(NamedTuple):
 class Ahead(NamedTuple):
     """A step in which there are places: the state at its beginning, and where they lie behind it.
 
-    numbers : of the clock, see `StepTimes.numbers`, if the bodies have just taken this step, the next one of the leg
+    numbers : of the clock, see `StepTimes.numbers`, if the bodies have just taken this step
     """
 
     state: Mapping[str, Array]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, ClassVar, Self
@@ -284,9 +284,10 @@ class ChosenTimes(StepTimes):
         steps = np.searchsorted(ends[:, 0] * direction, places.rests * direction, side="right") - 1
         return _behind(self.start, places, steps, ends)
 
-    def ahead_of(self, leg: Any, places: Places) -> Ahead:
+    def ahead_of(self, leg: Any, places: Places, passed: Callable[[Array], None]) -> Ahead:
         """Return the state at the beginning of the first step, beyond the whole steps taken, in which there are some of
-        these times; it is the step that is taken without them, whatever they are.
+        these times; it is the step that is taken without them, whatever they are. The next one may be shorter than it
+        was proposed, and end before them.
         """
         state, direction, counts = leg.stepper.state, self.clock.direction, leg.stepper.counts()
         begun, ends, count, taken = state, np.zeros((1, 2)), 0, 0
@@ -297,12 +298,14 @@ class ChosenTimes(StepTimes):
                 ends, now[LIMIT] = now[[TIME, TIME_LO]][None], self.next_place().rest
                 if places.rests[0] == ends[0, 0]:
                     break
-                taken += leg.loop.march_copy(copy, self.clock, 1, particles=False)
+                taken = leg.loop.march_copy(copy, self.clock, 1, particles=False)
                 # The next step of a body alone may be longer than all times; it ends there without being taken.
                 count = int(np.searchsorted(places.rests * direction, now[NEXT] * direction))
+                if taken and not count:
+                    passed(now)
         finally:
             leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
-        first, numbers = max(count, 1), state["clock"] if count and taken == 1 else None
+        first, numbers = max(count, 1), state["clock"] if count and taken else None
         behind = _behind(self.start, places.between(0, first), np.zeros(first, dtype=np.intp), ends)
         return Ahead(begun, behind, numbers)
 

@@ -226,14 +226,16 @@ class Retired:
 
     def restore(self, retired: NDArray[np.generic] | None, steps: int) -> None:
         """Restore a checkpoint; those of earlier versions have no retired particles. Raises InputError if it is
-        invalid.
+        invalid: of more than `steps` steps, unless it is known, from the legs before this one.
         """
+        before = self.table().copy()
         self._known[:] = 0
         if retired is not None:
             if retired.shape != (self._count, 2):
                 raise InputError(f"the retired particles in its checkpoint are {retired.shape}, not {self._count, 2}.")
             status, step = np.asarray(retired)[:, 0], np.asarray(retired)[:, 1]
-            if not (np.isin(kind_of(status), [OK, *REASONS]).all() and (step >= 0).all() and (step <= steps).all()):
+            taken = (step <= steps) | (retired == before).all(axis=1)
+            if not (np.isin(kind_of(status), [OK, *REASONS]).all() and (step >= 0).all() and taken.all()):
                 raise InputError("the retired particles in its checkpoint have impossible reasons or steps.")
             self._known[: self._count] = retired
         self.begin()

@@ -138,7 +138,7 @@ class SamplesOfLeg(Samples, LegWatcher):
 
     def _in_next_step(self, places: Places) -> tuple[Array, Array]:
         """The same, by partial steps; an IntegrationError if the step, or a part of it, cannot be taken."""
-        state, behind, numbers = self._leg.times.ahead_of(self._leg, places)
+        state, behind, numbers = self._leg.times.ahead_of(self._leg, places, self._pass)
         self._let_follow(behind, numbers)
         count = len(behind.steps) if self._reads_carries else 0
         carries = np.repeat(state["memory"][None], count, axis=0) if count else None
@@ -146,6 +146,9 @@ class SamplesOfLeg(Samples, LegWatcher):
         for row, name in enumerate(("q", "v", "q_lo", "v_lo")):
             path[:, row] = state[name]
         return self._behind(path, carries, behind)
+
+    def _pass(self, numbers: Array) -> None:
+        """Let particles follow the bodies in a step before that of `Ahead`."""
 
     def _let_follow(self, behind: Behind, numbers: Array | None) -> None:
         """Let particles follow the bodies in the step of `Ahead`, up to places in it."""

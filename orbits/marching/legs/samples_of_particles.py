@@ -115,6 +115,7 @@ class SamplesByOwnClocks(SamplesOfParticles):
     def __init__(self, leg: Leg) -> None:
         super().__init__(leg)
         self._counts = leg.step, 0
+        self._copy: State = {}
 
     def _shapes(self) -> tuple[int, ...]:
         return (6,)
@@ -132,14 +133,28 @@ class SamplesByOwnClocks(SamplesOfParticles):
         if numbers is None:
             raise IntegrationError("the next step of the leg, in which particles would follow, is not known.")
         leg, samples = self._leg, self._samples_in(behind, 1)
-        counts, retired = leg.stepper.counts(), leg.losses.retired
-        retired.begin()
-        copy = {name: x.copy() for name, x in leg.stepper.state.items() if name.startswith("particle_")}
+        counts = leg.stepper.counts()
         try:
-            leg.stepper.particles(copy, leg.clock, numbers, retired.block, None, 1, samples)
+            self._follow(numbers, samples)
         finally:
             self._in_step = float(leg.stepper.particle_evaluations - counts[1])
             leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
+
+    def _pass(self, numbers: Array) -> None:
+        """Let copies of the particles follow the bodies in a step before that of `Ahead`."""
+        self._follow(numbers, NO_SAMPLES)
+
+    def _follow(self, numbers: Array, samples: SamplesInBlock) -> None:
+        stepper, retired = self._leg.stepper, self._leg.losses.retired
+        if not self._copy:
+            retired.begin()
+            self._copy = {name: x.copy() for name, x in stepper.state.items() if name.startswith("particle_")}
+        stepper.particles(self._copy, self._leg.clock, numbers, retired.block, None, 1, samples)
+
+    def _in_next_step(self, places: Places) -> tuple[Array, Array]:
+        """The same as `ahead`, by partial steps; copies of the particles begin where the leg is."""
+        self._copy = {}
+        return super()._in_next_step(places)
 
     def _behind(self, path: Array, carries: Array | None, behind: Behind) -> tuple[Array, Array]:
         """Return the states behind those of a path, and those of particles, which have been shown; NaN where they are
