@@ -171,6 +171,29 @@ def test_what_is_no_rotation_is_refused_with_how_far_it_is_from_one(attitude, wo
         rotations.start((0, 0, 1), attitude)
 
 
+@pytest.mark.parametrize("length", [1e-200, 1e200])
+def test_quaternions_of_any_length_are_the_same_rotation(length):
+    q, v = rotations.start((0.1, 0.2, 0.3), (1.0, 0.2, 0.3, 0.4))
+    assert np.abs(rotations.matrices(length * q) - rotations.matrices(q)).max() < 4 * EPS
+    assert np.abs(rotations.body_rates(length * q, length * v) - (0.1, 0.2, 0.3)).max() < 4 * EPS
+    assert np.abs(rotations.start((0, 0, 0), length * q)[0] - q).max() < 4 * EPS
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda: rotations.body_rates([0, 0, 0, 0], [0, 0, 0, 1]), "q has quaternions that are 0"),
+        (lambda: rotations.matrices([np.inf, 0, 0, 0]), "or not finite"),
+        (lambda: rotations.product(np.ones((2, 4)), np.ones((3, 4))), r"p has \(2,\) quaternions, and q \(3,\)"),
+        (lambda: rotations.body_rates(np.ones((2, 4)), np.ones((3, 4))), r"q has \(2,\) quaternions, and v \(3,\)"),
+        (lambda: rotations.matrices("none"), "q is 'none'; expected an array of real numbers"),
+    ],
+)
+def test_what_are_no_quaternions_is_refused_in_words(ask, words):
+    with pytest.raises(InputError, match=words):
+        ask()
+
+
 def test_the_formula_of_two_bodies_is_that_of_their_points_spins_and_figures(monkeypatch):
     """By numbers put into it: the equations, which SymPy derives in a minute, are nightly."""
     made = {}
