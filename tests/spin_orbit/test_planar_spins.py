@@ -294,6 +294,13 @@ def test_a_circle_locks_spins_in_no_resonance_but_1(resonance, theta):
     assert PlanarSpins(eccentricity=0.0, alpha=0.3).libration(1).period == pytest.approx(1 / 0.3, rel=1e-9)
 
 
+def test_a_loop_has_whole_numbers_of_points_and_its_area():
+    assert area(*loop([1, 0], [0, 1], [0.1, 0], [0.1, 0], points=5)) == pytest.approx(-math.pi * 0.01, rel=1e-13)
+    for points in (3.5, 3):
+        with pytest.raises(InputError, match="points must be a whole number >= 4"):
+            loop([1, 0], [0, 1], [0.1, 0], [0.1, 0], points=points)
+
+
 def test_dots_take_options_of_matplotlib_by_either_name():
     lines = HYPERION.section(0.0, [0.5, 1.0], 2).plot(markersize=4, c="k").axes[0].lines
     assert {(line.get_markersize(), line.get_color()) for line in lines} == {(4, "k")}
