@@ -125,7 +125,7 @@ def test_bad_input_is_refused():
         discrete.momentum_map(turn, Q, Q * np.nan)
     with pytest.raises(InputError, match="one shape"):
         discrete.momentum_map(turn, Q, Q[0])
-    with pytest.raises(InputError, match="q is .*; expected an array of real numbers. Take the floats"):
+    with pytest.raises(InputError, match=r"q is .*; expected an array of real numbers\. Take the floats"):
         discrete.momentum_map(turn, Q * u.km, Q)
     for ask in (
         lambda: discrete.momentum_map("rotation", Q, Q),

@@ -79,9 +79,9 @@ def test_the_steps_at_which_its_potential_ends_are_refused():
 
 
 def test_another_lagrangian_of_that_name_has_no_such_map():
-    x, v, m, l, g = sympy.symbols("x v m l g")
+    x, v, m, length, g = sympy.symbols("x v m l g")
     spring = orbits.Lagrangian.from_sympy(
-        m * v**2 / 2 - g * l * x**2 / 2, q=[x], v=[v], parameters={m: 1.0, l: 1.0, g: 1.0}, name="pendulum"
+        m * v**2 / 2 - g * length * x**2 / 2, q=[x], v=[v], parameters={m: 1.0, length: 1.0, g: 1.0}, name="pendulum"
     )
     with pytest.raises(InputError, match=r"'pendulum' is not m l\^2 v\^2/2 \+ m g l cos q, for which alone"):
         discrete.suris(spring)
