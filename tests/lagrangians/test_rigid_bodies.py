@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import sympy
 
 import orbits
 from orbits import rotations
@@ -136,9 +137,26 @@ def test_moments_that_no_body_has_are_refused(inertia, words):
         orbits.lagrangians.full_two_body((1, 1), None, inertia)
 
 
+@pytest.mark.parametrize(
+    ("potential", "words"),
+    [
+        (lambda R: "a", "cannot be made into a formula"),  # which would be executed
+        (lambda R: np.sin(R[2, 2]), "cannot be made into a formula .*with functions of SymPy"),
+        (lambda R: R, "potential returns .*expected a function of the matrix R"),
+        (3, "potential is 3; expected a function of the matrix R"),
+        (lambda R: sympy.Symbol("a") * R[2, 2], "potential mentions a, by which the attitude .*other names than a, b"),
+    ],
+)
+def test_what_is_no_potential_is_refused(potential, words):
+    with pytest.raises(InputError, match=words):
+        orbits.lagrangians.rigid_body((1, 1, 0.4), potential=potential)
+
+
 def test_two_spheres_and_masses_that_are_none_are_refused():
     with pytest.raises(InputError, match="expected moments of inertia of one at least"):
         orbits.lagrangians.full_two_body((1, 1), None, None)
+    with pytest.raises(InputError, match="masses is 1; expected two masses > 0"):
+        orbits.lagrangians.full_two_body(1, None, (1, 1, 1))
     with pytest.raises(InputError, match="expected two masses > 0"):
         orbits.lagrangians.full_two_body((1, -1), None, (1, 1, 1))
 
