@@ -32,9 +32,13 @@ MOST_RADIANS = 1e13
 
 
 def product(p: ArrayLike, q: ArrayLike) -> Array:
-    """Return the product of quaternions, (..., 4): the rotation by q, then that by p."""
+    """Return the product of quaternions, (..., 4): the rotation by q, then that by p.
+
+    Raises InputError for other shapes, and for shapes that do not go together.
+    """
     a, b, c, d = np.moveaxis(_quaternions(p, "p"), -1, 0)
     e, f, g, h = np.moveaxis(_quaternions(q, "q"), -1, 0)
+    _require_pairs(a, e, "p", "q")
     parts = (
         a * e - b * f - c * g - d * h,
         a * f + b * e + c * h - d * g,
@@ -46,11 +50,8 @@ def product(p: ArrayLike, q: ArrayLike) -> Array:
 
 def matrices(q: ArrayLike) -> Array:
     """Return the matrices of rotations, (..., 3, 3); q : (..., 4), not 0. Raises InputError for other shapes."""
-    q = _quaternions(q, "q")
-    size = np.linalg.norm(q, axis=-1)
-    if not np.all(size > 0.0):
-        raise InputError("q has quaternions that are 0, or not finite, which are no rotations.")
-    a, b, c, d = np.moveaxis(q / size[..., None], -1, 0)
+    q, _ = _near_one(_quaternions(q, "q"))
+    a, b, c, d = np.moveaxis(q / np.linalg.norm(q, axis=-1, keepdims=True), -1, 0)
     rows = (
         (1 - 2 * (c * c + d * d), 2 * (b * c - a * d), 2 * (b * d + a * c)),
         (2 * (b * c + a * d), 1 - 2 * (b * b + d * d), 2 * (c * d - a * b)),
@@ -60,8 +61,13 @@ def matrices(q: ArrayLike) -> Array:
 
 
 def body_rates(q: ArrayLike, v: ArrayLike) -> Array:
-    """Return angular velocities in the axes of the body, (..., 3), from quaternions and their velocities, (..., 4)."""
+    """Return angular velocities in the axes of the body, (..., 3), from quaternions, not 0, and their velocities,
+    (..., 4). Raises InputError for other shapes, and for shapes that do not go together.
+    """
     q, v = _quaternions(q, "q"), _quaternions(v, "v")
+    _require_pairs(q[..., 0], v[..., 0], "q", "v")
+    q, power = _near_one(q)
+    v = np.ldexp(v, -power)
     conjugate = q * np.array([1.0, -1.0, -1.0, -1.0])
     return np.asarray(2.0 * product(conjugate, v)[..., 1:] / (q * q).sum(axis=-1)[..., None])
 
@@ -106,7 +112,8 @@ def free_rotation(
     """
     from orbits.kernels.rotation.free_rotation import rotated_at
 
-    moments = checked_moments(inertia)
+    found = np.array(checked_moments(inertia))
+    moments = np.ldexp(found, -np.frexp(found.max())[1])  # only their ratios count, and squares stay within floats
     q, _ = start(rates, attitude)
     when = finite_numbers(times, "times")
     angle = float(np.abs(when).max(initial=0.0)) * float(np.linalg.norm(np.asarray(rates, dtype=np.float64)))
@@ -119,10 +126,10 @@ def free_rotation(
     flat = np.zeros(room)
     flat[: when.size] = when.ravel()
     attitudes, momenta = np.empty((4, room)), np.empty((3, room))
-    momentum = np.array(moments) * np.asarray(rates, dtype=np.float64)
-    rotated_at(np.array(moments), q, momentum, flat, attitudes, momenta)
-    found = momenta[:, : when.size].T / moments
-    return np.ascontiguousarray(attitudes[:, : when.size].T).reshape(*when.shape, 4), found.reshape(*when.shape, 3)
+    momentum = moments * np.asarray(rates, dtype=np.float64)
+    rotated_at(moments, q, momentum, flat, attitudes, momenta)
+    spins = momenta[:, : when.size].T / moments
+    return np.ascontiguousarray(attitudes[:, : when.size].T).reshape(*when.shape, 4), spins.reshape(*when.shape, 3)
 
 
 def checked_moments(inertia: Any) -> tuple[float, float, float]:
@@ -143,7 +150,8 @@ def _attitude(given: ArrayLike) -> Array:
     """Return the unit quaternion of an attitude."""
     found = real_numbers(given, "attitude")
     if found.shape == (4,) and np.all(np.isfinite(found)) and found.any():
-        return np.asarray(found / np.linalg.norm(found))
+        near, _ = _near_one(found)
+        return np.asarray(near / np.linalg.norm(near))
     if found.shape != (3, 3) or not np.all(np.isfinite(found)):
         raise InputError(
             f"attitude is {shown(given)}; expected a quaternion, (4,), not 0, or the matrix of a rotation, (3, 3)."
@@ -167,8 +175,28 @@ def _attitude(given: ArrayLike) -> Array:
     return np.asarray(products[k] / np.linalg.norm(products[k]))
 
 
+def _near_one(q: Array) -> tuple[Array, NDArray[np.int32]]:
+    """Return quaternions times powers of two, which leaves them of a length near 1, whose square is no infinity and no
+    0, and these powers, (..., 1). Raises InputError for those that are no rotations.
+    """
+    size = np.abs(q).max(axis=-1, keepdims=True)
+    if not np.all(np.isfinite(size) & (size > 0.0)):
+        raise InputError("q has quaternions that are 0, or not finite, which are no rotations.")
+    power = np.frexp(size)[1]
+    return np.ldexp(q, -power), power
+
+
+def _require_pairs(one: Array, other: Array, first: str, second: str) -> None:
+    try:
+        np.broadcast_shapes(one.shape, other.shape)
+    except ValueError:
+        raise InputError(
+            f"{first} has {one.shape} quaternions, and {second} {other.shape}; expected as many, or one."
+        ) from None
+
+
 def _quaternions(given: Any, what: str) -> Array:
-    found = np.asarray(given, dtype=np.float64)
+    found = real_numbers(given, what)
     if found.ndim == 0 or found.shape[-1] != 4:
         raise InputError(f"{what} has the shape {found.shape}; expected quaternions, (..., 4).")
     return found

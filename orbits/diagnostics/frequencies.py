@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from orbits.checks import finite_numbers, has_unit, whole_number
 from orbits.diagnostics.doubledouble import Floats
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 
 Complexes = NDArray[np.complex128]
 
@@ -115,6 +115,7 @@ def frequency_analysis(
     for _ in range(count):
         if not fit.add():
             break
+    fit.turn()
     frequency = fit.frequency / spacing
     amplitude = fit.amplitude * np.exp(-1j * frequency * middle)
     order = np.argsort(-np.abs(amplitude))
@@ -146,6 +147,13 @@ class _Fit:
         self._solve()
         self._correct()
         return True
+
+    def turn(self) -> None:
+        """Bring frequencies that were followed beyond half a turn in a sample back to what the spacing resolves."""
+        beyond: NDArray[np.bool_] = np.abs(self.frequency) > np.pi
+        if beyond.any():
+            self.frequency = np.where(beyond, _turned(self.frequency), self.frequency)
+            self._solve()
 
     def _strongest(self) -> float | None:
         """Return the frequency of the largest projection of the residual, in the band and apart from other terms."""
@@ -224,7 +232,12 @@ def _checked(t: ArrayLike, series: ArrayLike) -> tuple[Floats, Complexes]:
         unit = getattr(t, "unit", "")
         raise InputError(f"t is in {unit}; expected plain numbers, such as run.t.to_value(u.yr).")
     times = finite_numbers(t, "t")
-    z = np.asarray(series)
+    try:
+        z = np.asarray(series)
+    except ValueError:
+        raise InputError(f"series is {shown(series)}; expected complex or real numbers, (n,).") from None
+    if isinstance(series, np.ma.MaskedArray):
+        raise InputError("series is a masked array; expected numbers for all times: leave the others out of both.")
     if z.dtype.kind not in "fiuc":
         raise InputError(f"series holds {z.dtype.name}; expected complex or real numbers.")
     z = z.astype(np.complex128)
@@ -249,7 +262,7 @@ def _checked(t: ArrayLike, series: ArrayLike) -> tuple[Floats, Complexes]:
 def _in_steps(band: tuple[float, float] | None, spacing: float) -> tuple[float, float]:
     """Return the band in radians per sample."""
     if band is None:
-        return -np.pi, np.pi
+        return -np.inf, np.inf  # a term beside half a turn in a sample is found from the other side of it, too
     limits = finite_numbers(band, "band")
     if limits.shape != (2,) or not limits[0] < limits[1]:
         raise InputError(f"band is {band!r}; expected (lowest, highest) frequency.")

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.checks import finite_number, finite_vector, nonzero_number
-from orbits.errors import InputError, SingularityError
+from orbits.errors import InputError, SingularityError, shown
 from orbits.lagrangians.base import show
 
 Array = NDArray[np.float64]
@@ -173,6 +173,12 @@ class DiscreteLagrangian(ABC):
 
     def __repr__(self) -> str:
         return f"<discrete Lagrangian {self.name}>"
+
+
+def require_mechanics(lagrangian: Mechanics) -> None:
+    """Raise InputError unless it is a Lagrangian."""
+    if not hasattr(lagrangian, "gradients"):
+        raise InputError(f"expected a Lagrangian such as orbits.lagrangians.kepler, got {shown(lagrangian)}")
 
 
 def time_step(h: float) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
+from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics, require_mechanics
 from orbits.discrete.boundary import OfSteps, jets_of, stationary
 from orbits.discrete.exact_linear import exact_linear
 from orbits.discrete.lambert import Way, exact_kepler
@@ -96,6 +96,7 @@ def exact(lagrangian: Mechanics, *, way: Way = "short") -> DiscreteLagrangian:
     long that several motions join them, it may find another one than expected, or none, a ConvergenceError. Raises
     InputError for a `way` of a Lagrangian without two arcs.
     """
+    require_mechanics(lagrangian)
     name = lagrangian.name.replace("_", "-").replace(" ", "-")
     if name in ("free-particle", "harmonic-oscillator"):
         origin = np.zeros(lagrangian.dimension)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.checks import finite_number
+from orbits.checks import finite_number, real_numbers, whole_number
 from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics
 from orbits.errors import InputError
 from orbits.lagrangians.base import show
@@ -79,7 +79,7 @@ def exact_linear(mass: ArrayLike, stiffness: ArrayLike, *, lagrangian: Mechanics
     Raises InputError for other matrices and, when it is used, for h at a whole number of half periods, where the ends
     do not determine a motion.
     """
-    M, K = np.asarray(mass, dtype=np.float64), np.asarray(stiffness, dtype=np.float64)
+    M, K = real_numbers(mass, "mass"), real_numbers(stiffness, "stiffness")
     if M.ndim != 2 or M.shape[0] != M.shape[1] or M.shape != K.shape or not np.all(np.isfinite([M, K])):
         raise InputError(
             f"mass and stiffness must be finite matrices of the same shape (d, d); got {M.shape} and {K.shape}"
@@ -108,7 +108,7 @@ def exact_harmonic_oscillator(
     mass: float = 1.0, stiffness: float = 1.0, dimension: int = 1, *, lagrangian: Mechanics | None = None
 ) -> ExactLinear:
     """Return the exact discrete Lagrangian of L = mass |v|^2/2 - stiffness |q|^2/2."""
-    one = np.eye(dimension)
+    one = np.eye(whole_number(dimension, "dimension"))
     return exact_linear(
         finite_number(mass, "mass") * one, finite_number(stiffness, "stiffness") * one, lagrangian=lagrangian
     )

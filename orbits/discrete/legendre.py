@@ -84,6 +84,7 @@ def phase_map(
 
     Both signs give the map of `step`. Each takes one step of F more than necessary, to demonstrate this.
     """
+    h, t = time_step(h), finite_number(t, "t")
     if sign == "minus":
         q0, q1 = inverse_legendre_minus(discrete, q, p, h, t)
         return legendre_minus(discrete, *advance(discrete, q0, q1, h, t), h, t + h)

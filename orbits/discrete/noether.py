@@ -34,6 +34,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.checks import finite_number, real_numbers
 from orbits.discrete.base import Array, DiscreteLagrangian
 from orbits.discrete.path import points_of, spacing
 from orbits.errors import InputError, shown
@@ -87,6 +88,8 @@ def invariance(
     A gauge term's own contribution is subtracted, K_s(q1, t + h) - K_s(q0, t), K_s being K integrated along the flow up
     to s; the result is 0 if L_d is invariant up to a total difference.
     """
+    require_symmetry(symmetry)
+    s = finite_number(s, "s")
     x0, x1 = discrete.vector(q0, "q0"), discrete.vector(q1, "q1")
     change = discrete.value(symmetry.moved(s, x0, t), symmetry.moved(s, x1, t + h), h, t) - discrete.value(x0, x1, h, t)
     return change - (symmetry.gained(s, x1, t + h) - symmetry.gained(s, x0, t))
@@ -97,7 +100,8 @@ def momentum_map(symmetry: Symmetry, q: ArrayLike, p: ArrayLike, t: ArrayLike | 
 
     t : time of the point, or (N,) of the points; needed where the symmetry depends on time
     """
-    x, y = np.asarray(q, dtype=np.float64), np.asarray(p, dtype=np.float64)
+    require_symmetry(symmetry)
+    x, y = real_numbers(q, "q"), real_numbers(p, "p")
     if x.shape != y.shape or x.ndim not in (1, 2, 3):
         raise InputError(f"q and p must have one shape, (d,), (N, d) or (N, n, 3); got {x.shape} and {y.shape}")
     if not (np.all(np.isfinite(x)) and np.all(np.isfinite(y))):
@@ -107,7 +111,7 @@ def momentum_map(symmetry: Symmetry, q: ArrayLike, p: ArrayLike, t: ArrayLike | 
             f"'{symmetry.name}' depends on time, but no time was given. Pass t=, the time of the point or the times of "
             "the points."
         )
-    times = np.zeros(()) if t is None else np.asarray(t, dtype=np.float64)
+    times = np.zeros(()) if t is None else real_numbers(t, "t")
     count = x.shape[:1] if x.ndim > 1 else ()
     if times.shape not in ((), count) or not np.all(np.isfinite(times)):
         raise InputError(f"t must be a finite number, or one for each point; got {shown(t)}")
@@ -116,6 +120,14 @@ def momentum_map(symmetry: Symmetry, q: ArrayLike, p: ArrayLike, t: ArrayLike | 
     times = np.broadcast_to(times, count)
     points = [(a.ravel(), b.ravel(), float(c)) for a, b, c in zip(x, y, times, strict=True)]
     return np.array([symmetry.charge(*point) for point in points])
+
+
+def require_symmetry(symmetry: Symmetry) -> None:
+    """Raise InputError unless it is a symmetry, such as one of those of a Lagrangian."""
+    if not isinstance(symmetry, Symmetry):
+        raise InputError(
+            f"expected an orbits.Symmetry, such as one of orbits.lagrangians.kepler.symmetries; got {shown(symmetry)}"
+        )
 
 
 def drift(
@@ -134,6 +146,7 @@ def drift(
     discrete Euler–Lagrange equations along xi, with a rounding error of |q|/|dq| ulps.
     Raises InputError for paths or times that do not fit.
     """
+    require_symmetry(symmetry)
     q, _ = points_of(discrete, q_path, least=2)
     step, start = spacing(h, len(q), t0)
     t = start + step * np.arange(len(q))

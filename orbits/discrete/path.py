@@ -17,7 +17,7 @@ import itertools
 import numpy as np
 from numpy.typing import ArrayLike
 
-from orbits.checks import finite_number, nonzero_number
+from orbits.checks import finite_number, nonzero_number, real_numbers
 from orbits.discrete.base import Array, DiscreteLagrangian
 from orbits.discrete.constrained import require_constraints_kept
 from orbits.errors import InputError
@@ -90,7 +90,7 @@ def momentum_residual(
 
 def points_of(discrete: DiscreteLagrangian, path: ArrayLike, *, least: int) -> tuple[Array, tuple[int, ...]]:
     """Return a path as (N, d), and the shape of one of its points. Raises InputError for anything else."""
-    points = np.asarray(path)
+    points = real_numbers(path, "the path")
     if points.ndim not in (2, 3) or (points.ndim == 3 and points.shape[2] != 3) or len(points) < least:
         raise InputError(
             f"a path has shape (N, d), or (N, bodies, 3), with N >= {least} points; got shape {points.shape}"
@@ -101,14 +101,13 @@ def points_of(discrete: DiscreteLagrangian, path: ArrayLike, *, least: int) -> t
 
 def spacing(h: float | ArrayLike, count: int, t0: float) -> tuple[float, float]:
     """Return (h, first time) from a spacing or from the times themselves, which must be uniform to rounding."""
-    times = np.asarray(h)
+    times = real_numbers(h, "h")
     if times.ndim == 0:
         return nonzero_number(h, "h"), finite_number(t0, "t0")
-    if times.dtype.kind not in "fiu" or times.shape != (count,):
+    if times.shape != (count,):
         raise InputError(f"h is the spacing of the path, or its {count} times; got an array of shape {times.shape}")
     if t0 != 0.0:
         raise InputError(f"the times already say when the path starts: leave out t0 = {t0!r}")
-    times = times.astype(np.float64)
     if not np.all(np.isfinite(times)):
         raise InputError(f"the times of a path must be finite; got {times[~np.isfinite(times)][0]} among them")
     step = nonzero_number((times[-1] - times[0]) / (count - 1), "h")

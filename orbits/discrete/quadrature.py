@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics
+from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, require_mechanics
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,6 +27,10 @@ class Quadrature(DiscreteLagrangian):
     lagrangian: Mechanics
     weights: tuple[float, ...]
     nodes: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Raise InputError for what is no Lagrangian."""
+        require_mechanics(self.lagrangian)
 
     def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
         # Differences first: q is O(30 au), dq is O(1e-3 au).

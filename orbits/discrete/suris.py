@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from orbits.checks import real_numbers, whole_number
 from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, time_step
 from orbits.errors import InputError
 
@@ -73,7 +74,7 @@ class Suris(DiscreteLagrangian):
         """
         h = time_step(h)
         kappa, kick = self._kappa(h), 0.5 * h * self.inertia * self.omega**2
-        x, y = np.array(q, dtype=np.float64), np.array(p, dtype=np.float64)
+        x, y, steps = real_numbers(q, "q"), real_numbers(p, "p"), whole_number(steps, "steps", least=0)
         if x.ndim != 1 or x.shape != y.shape or not np.all(np.isfinite([x, y])):
             raise InputError(f"q and p must be finite, with one shape (n,); got shapes {x.shape} and {y.shape}")
         path = np.empty((2, steps + 1, x.size))
@@ -113,7 +114,15 @@ def suris(pendulum: Mechanics) -> Suris:
         )
     if not (values["m"] > 0.0 and values["l"] > 0.0 and values["g"] > 0.0):
         raise InputError(f"Suris' map needs a pendulum with m, l, g > 0; got {dict(values)}")
-    return Suris("suris", pendulum, values["m"] * values["l"] ** 2, math.sqrt(values["g"] / values["l"]))
+    inertia, weight = values["m"] * values["l"] ** 2, values["m"] * values["g"] * values["l"]
+    for q, v in ((0.7, 0.3), (2.0, -1.1)):
+        f, p = pendulum.gradients([q], [v])
+        if abs(f[0] + weight * math.sin(q)) > 1e-12 * weight or abs(p[0] - inertia * v) > 1e-12 * inertia:
+            raise InputError(
+                f"'{pendulum.name}' is not m l^2 v^2/2 + m g l cos q, for which alone Suris' map exists: at q = {q}, v "
+                f"= {v} its dL/dq is {f[0]:.6g}, and p {p[0]:.6g}. Pass orbits.lagrangians.pendulum."
+            )
+    return Suris("suris", pendulum, inertia, math.sqrt(values["g"] / values["l"]))
 
 
 def _potential(q: float, kappa: float) -> float:

@@ -21,9 +21,9 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics
+from orbits.discrete.base import Array, DiscreteLagrangian, Jet, Mechanics, require_mechanics
 from orbits.discrete.newton import solve
-from orbits.errors import InputError
+from orbits.errors import InputError, shown
 from orbits.lagrangians.base import show
 
 
@@ -149,6 +149,9 @@ def vprk(lagrangian: Mechanics, tableau: Coefficients, *, name: str | None = Non
     tableau : a, a_bar of shape (s, s) and b, c of shape (s,), with b_i abar_ij + b_j a_ji = b_i b_j
     Raises InputError for other shapes, and for coefficients without that property, which have no discrete Lagrangian.
     """
+    require_mechanics(lagrangian)
+    if not all(hasattr(tableau, x) for x in ("a", "a_bar", "b", "c")):
+        raise InputError(f"expected a tableau, such as orbits.Gauss(stages=2).tableau; got {shown(tableau)}")
     a, a_bar, b, c = (np.asarray(x, dtype=np.float64) for x in (tableau.a, tableau.a_bar, tableau.b, tableau.c))
     s = b.size
     if a.shape != (s, s) or a_bar.shape != (s, s) or c.shape != (s,) or b.shape != (s,) or s == 0:

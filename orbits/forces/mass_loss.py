@@ -12,7 +12,7 @@ Source: Jeans (1924), MNRAS 85, 2; for the Sun, Park et al. (2021), AJ 161, 105.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -45,8 +45,8 @@ class MassLoss(CentralForce):
 
         system.with_forces(orbits.terms.MassLoss(fraction=-9e-14 / u.yr))
 
-    bodies : names of those that feel it, massive or not; by default all others
     source : the body that loses mass; by default the most massive one
+    bodies : names of those that feel it, massive or not; by default all others
     fraction : (dGM/dt) / GM, a number per time; < 0 for loss
     since : the time after the epoch of the system at which its GM is that of the system; by default 0
 
@@ -56,6 +56,8 @@ class MassLoss(CentralForce):
     kind: ClassVar[str] = "mass-loss"
     of_body: ClassVar[tuple[str, ...]] = ("fraction",)
     tag: ClassVar[Tag] = TAG
+    source: str | None = field(default=None, kw_only=False)
+    bodies: Sequence[str] | None = field(default=None, kw_only=True)
     fraction: Any = None
     since: Any = 0.0
 

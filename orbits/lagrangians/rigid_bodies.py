@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.checks import finite_number
+from orbits.checks import finite_number, real_numbers
 from orbits.errors import InputError, shown
 from orbits.lagrangians.base import Lagrangian, Motion, Rotor
 from orbits.lagrangians.symbolic import from_sympy
@@ -165,7 +165,15 @@ def rigid_body(
     moments = checked_moments(inertia)
     q, v = sympy.symbols("a b c d"), sympy.symbols("va vb vc vd")
     symbols = sympy.symbols("I1 I2 I3")
-    U = 0 if potential is None else sympy.sympify(potential(sympy.Matrix(turning(q))))
+    U = 0 if potential is None else _potential(potential, q)
+    if potential is not None:
+        # In other symbols for the attitude, what is left of its names is the user's own.
+        own = _potential(potential, sympy.symbols("q:4", cls=sympy.Dummy)).free_symbols & {*q, *v}
+        if own:
+            raise InputError(
+                f"'{name}': potential mentions {', '.join(sorted(map(str, own)))}, by which the attitude or its "
+                f"velocity is called; expected other names than {', '.join(map(str, (*q, *v)))}."
+            )
     values = {**dict(zip(symbols, moments, strict=True)), **(parameters or {})}
     numbers = {key: finite_number(value, f"parameter {key}") for key, value in values.items()}
     # I_0 moves nothing: of the size of the others, so that no step finds it stiff.
@@ -190,6 +198,23 @@ def rigid_body(
         source="Hairer, Lubich & Wanner (2006), sec. VII.5",
     )
     return replace(made, rotors=(Rotor(0, ("I1", "I2", "I3")),))
+
+
+def _potential(potential: Callable[[Any], Any], q: Sequence[Any]) -> Any:
+    """Return what a function of a user makes of an attitude. Raises InputError for anything but a SymPy expression."""
+    import sympy
+
+    expected = "expected a function of the matrix R, such as lambda R: 2.0 * R[2, 2], with functions of SymPy"
+    if not callable(potential):
+        raise InputError(f"potential is {shown(potential)}; {expected}.")
+    try:
+        found = potential(sympy.Matrix(turning(q)))
+        U = sympy.sympify(found, strict=True)
+    except Exception as error:  # a function of a user may raise anything
+        raise InputError(f"potential cannot be made into a formula ({error}); {expected}.") from error
+    if not isinstance(U, sympy.Expr) or U.is_Matrix:
+        raise InputError(f"potential returns {shown(found)}; {expected}.")
+    return U
 
 
 def _leaves(U: Any, q: Sequence[Any], group: Symmetry, numbers: dict[Any, float]) -> bool:
@@ -231,8 +256,8 @@ def full_two_body(
     """
     import sympy
 
-    m = [finite_number(x, "a mass") for x in masses]
-    if len(m) != 2 or not min(m) > 0.0:
+    m = real_numbers(masses, "masses")
+    if m.shape != (2,) or not (np.isfinite(m).all() and min(m) > 0.0):
         raise InputError(f"masses is {shown(masses)}; expected two masses > 0.")
     finite_number(G, "G")
     bodies = [(k, checked_moments(each)) for k, each in enumerate((first, second)) if each is not None]
@@ -241,7 +266,7 @@ def full_two_body(
     r, w = sympy.symbols("x y z"), sympy.symbols("vx vy vz")
     coordinates, velocities = list(r), list(w)
     G_, m1, m2 = sympy.symbols("G m1 m2", positive=True)
-    values: dict[Any, float] = {G_: float(G), m1: m[0], m2: m[1]}
+    values: dict[Any, float] = {G_: float(G), m1: float(m[0]), m2: float(m[1])}
     distance = sympy.sqrt(sum(x * x for x in r))
     L = m1 * m2 / (m1 + m2) * sum(x * x for x in w) / 2 + G_ * m1 * m2 / distance
     for k, moments in bodies:

@@ -158,7 +158,7 @@ def translation(
     direction : (k,), not zero; the configuration is a vector of copies * k coordinates, body after body
     gauge, timed : as for `Symmetry`; for example K(q) = e B y/2 along x in a uniform magnetic field
     """
-    u = np.tile(checks.direction(direction, "a translation"), copies)
+    u = np.tile(checks.direction(direction, "a translation"), checks.whole_number(copies, "copies"))
 
     def flow(s: float, q: Array, t: float = 0.0) -> Array:
         moved: Array = q + s * u
@@ -177,7 +177,7 @@ def boost(direction: ArrayLike, masses: ArrayLike = 1.0, *, name: str = "boost")
     The configuration is a vector of n * k coordinates, body after body. The charge is -(sum m q - P t) . u: the centre
     of mass moves uniformly.
     """
-    m = np.atleast_1d(np.asarray(masses, dtype=np.float64))
+    m = np.atleast_1d(checks.real_numbers(masses, "masses"))
     if m.ndim != 1 or not np.all(m > 0.0) or not np.all(np.isfinite(m)):
         raise InputError(f"a boost needs the masses of the bodies, finite and positive; got {shown(masses)}")
     u = checks.direction(direction, "a boost")
@@ -200,6 +200,7 @@ def rotation(axis: ArrayLike | None = None, *, copies: int = 1, name: str = "rot
     axis : (3,), not zero, for bodies in space; None for bodies in the plane, with two coordinates each
     The configuration is a vector, body after body. The generator of a body at x is axis x x, |axis| = 1.
     """
+    copies = checks.whole_number(copies, "copies")
     if axis is None:
         width, spin = 2, np.array([[0.0, -1.0], [1.0, 0.0]])
     else:

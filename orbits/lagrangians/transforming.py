@@ -127,6 +127,10 @@ def _made(
     slow = {old: new / clock_rate for old, new in speeds.items()}
     L = clock_rate * (formula.L.xreplace(slow) + level) + (hour - clock_rate) ** 2 / 2
     g = g.xreplace(plain).xreplace(called)
+
+    def checked(values: Mapping[str, float]) -> None:
+        _of_these(lagrangian, values)
+
     made = from_sympy(
         L.xreplace(plain).xreplace(called),
         q=[*plain.values(), clock],
@@ -134,10 +138,19 @@ def _made(
         parameters={**{called[key]: value for key, value in parameters.items()}, level: E},
         name=f"{lagrangian.name} in transformed time",
         example=Motion((*start.tolist(), 0.0), (*(here * speed).tolist(), here), dt),
-        symmetries=_symmetries(lagrangian, g, names, start),
+        symmetries=lambda values: _symmetries(_of_these(lagrangian, values), g, names, start),
         source="Hairer, Lubich & Wanner (2006), sec. VIII.2.1",
     )
-    return replace(made, formula=f"g (L(q, q' / g) + E0) + (t' - g)^2 / 2, L = {lagrangian.formula}, g = {g}")
+    return replace(
+        made,
+        formula=f"g (L(q, q' / g) + E0) + (t' - g)^2 / 2, L = {lagrangian.formula}, g = {g}",
+        check_parameters=checked,
+    )
+
+
+def _of_these(lagrangian: Lagrangian, values: Mapping[str, float]) -> Lagrangian:
+    """Return the Lagrangian that was transformed, with these parameters. Raises InputError as that does."""
+    return lagrangian.with_parameters(**{name: values[name] for name in lagrangian.parameters})
 
 
 def _guarded(g: Any) -> Any:

@@ -99,7 +99,7 @@ class Flow:
 
     integrator : a method, or its name as on the command line: "gauss(stages=4)"
     dt : the step, not 0; negative for backwards in time
-    t : time of the first step, for Lagrangians that depend on it
+    t : time of the first step of each call, for Lagrangians that depend on it: where a march goes on, another Flow does
     canonical : use the canonical form even if the faster second-order form is possible
 
     Raises InputError if the method cannot integrate the Lagrangian.

@@ -117,6 +117,7 @@ def _is_flattened(values: Array, name: str) -> bool:
     """Return whether a common scale hides how the values of a body, (samples, k), change."""
     if not 1 < values.shape[1] <= MOST_ROWS or len(values) < 2:
         return False
+    values = np.where(np.isfinite(values), values, np.nan)  # a of a parabola is infinite
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # of bodies that are never there
         low, high = np.nanmin(values, axis=0), np.nanmax(values, axis=0)
@@ -164,8 +165,9 @@ def _own_scale(axes: Axes, values: Array, name: str) -> None:
     from matplotlib.ticker import MaxNLocator
 
     axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
-    if np.isfinite(values).any():
-        low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    values = values[np.isfinite(values)]
+    if len(values):
+        low, high = float(values.min()), float(values.max())
         if name in TURNING and high - low > 180.0 and _is_round(values):
             axes.set(ylim=(-10.0, 370.0), yticks=[0.0, 180.0, 360.0])
         elif high - low <= UNCHANGED * max(abs(low), abs(high)):

@@ -21,6 +21,11 @@ Array = NDArray[np.float64]
 PLACES = 256
 """Places of a revolution at which the periodic spin is looked at."""
 
+WEAK = 1e-11
+"""What det(1 - M) of a revolution's map must exceed: rounding makes 4e-12 where all spins near a resonance repeat, and
+none is locked.
+"""
+
 REACH = 2.5
 """Rates this far from the resonance are tried at the pericentre."""
 
@@ -33,7 +38,7 @@ class Libration:
     theta, rate : at the pericentre, radians and units of n
     multipliers : the eigenvalues of a revolution's map about it, (2,), complex
     stable : whether small librations stay small
-    period : of free librations, in revolutions of the orbit; NaN if it is not stable
+    period : of free librations, in revolutions of the orbit; NaN if it is not stable, or nothing librates
     path : a revolution, at 256 places
     """
 
@@ -80,7 +85,7 @@ def locked(spins: PlanarSpins, resonance: float, theta: float, rate: float | Non
     if not kept:
         raise InputError(
             f"no spin of {p:g} turns in a revolution was found near theta = {angle:g} at the pericentre; try another "
-            "theta, or give a rate to begin with."
+            "theta, or give a rate to begin with. A resonance too weak for floats, as all but 1 on a circle, is none."
         )
     return min(kept, key=lambda each: (not each.stable, abs(each.rate - p)))
 
@@ -112,6 +117,8 @@ def _refined(spins: PlanarSpins, p: float, theta: float, rate: float) -> Librati
     ends, matrices = spins.tangents(theta, rate, PLACES)
     path = spins.march(theta, rate, 1, samples=PLACES)
     M = matrices[-1]
+    if spins.asphericity and not abs(1.0 - np.trace(M) + np.linalg.det(M)) > WEAK:
+        return None
     multipliers = np.linalg.eigvals(M).astype(np.complex128)
     stable = bool(np.abs(multipliers).max() <= 1.0 + 1e-9 and abs(np.trace(M)) < 2.0)
     period = 1.0 / _turns(matrices) if stable and spins.asphericity else math.nan

@@ -65,13 +65,17 @@ class SpinPath:
 
         look : options of matplotlib's `plot` for the dots, such as ms=2
         """
+        from matplotlib.cbook import normalize_kwargs
+        from matplotlib.lines import Line2D
+
         from orbits import plotting
 
         figure = plotting.figure(10, 8)
         axis = figure.subplots()
+        wanted = {"markersize": 1.5, "markeredgewidth": 0, **normalize_kwargs(look, Line2D)}  # markersize for ms
         for k, (theta, rate) in enumerate(zip(self.folded, self.rate, strict=True)):
             colour = plotting.style.PALETTE[k % len(plotting.style.PALETTE)]
-            axis.plot(np.degrees(theta), rate, ".", **{"ms": 1.5, "mew": 0, "color": colour, **look})
+            axis.plot(np.degrees(theta), rate, ".", **{"color": colour, **wanted})
         axis.set(xlabel="θ [°]", ylabel="θ′/n", xlim=(-90, 90), xticks=range(-90, 91, 30))
         axis.set_title(self.spins.title)
         return figure

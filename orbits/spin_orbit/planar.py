@@ -204,8 +204,10 @@ class PlanarSpins:
 
     def tangents(self, theta: float, rate: float, samples: int) -> tuple[Array, Array]:
         """Return the spin at `samples` places of a revolution, (samples, 2), and the derivatives of its angle and rate
-        by those at the start, (samples, 2, 2).
+        by those at the start, (samples, 2, 2). Raises InputError for more than one start, and counts that are none.
         """
+        samples = whole_number(samples, "samples", most=10**6)
+        theta, rate = finite_number(theta, "theta"), finite_number(rate, "rate")
         table = self._table(-(-self.steps_per_revolution // samples) * samples, samples)
         state = _padded(self._starts(np.full(2, theta), rate))
         tangents, growth = np.zeros((2, state.shape[1])), np.zeros(state.shape[1])

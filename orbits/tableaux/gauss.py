@@ -12,18 +12,27 @@ from functools import lru_cache
 import mpmath
 
 from orbits.checks import whole_number
+from orbits.errors import InputError
 from orbits.tableaux.interpolation import collocation, legendre_zeros
 from orbits.tableaux.partitioned import DIGITS
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
 
+MOST_STAGES = 32
+"""Of more stages, the coefficients lose more digits than are carried."""
+
 
 @lru_cache(maxsize=64)
 def gauss(stages: int) -> SymplecticTableau:
-    """Return the Gauss method with `stages` >= 1 stages, order 2s.
+    """Return the Gauss method with 1 ... 32 stages, order 2s.
 
-    Raises InputError unless `stages` is a whole number >= 1.
+    Raises InputError unless `stages` is such a whole number.
     """
     stages = whole_number(stages, "the number of stages")
+    if stages > MOST_STAGES:
+        raise InputError(
+            f"the number of stages is {stages}; expected at most {MOST_STAGES}: the coefficients of more are not known "
+            "to enough digits."
+        )
     with mpmath.workdps(DIGITS + 10):
         a, b = collocation(legendre_zeros(stages))
         return symplectic(f"Gauss({stages})", a, a, b, 2 * stages)

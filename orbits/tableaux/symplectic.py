@@ -116,6 +116,7 @@ def symplectic(name: str, a: Any, a_bar: Any, b: Any, order: int, *, tolerance: 
     """Return a symplectic pair with exactly symplectic floats, after checking every identity that it promises.
 
     a, a_bar : (s, s), b : (s,), of Fractions, mpmath numbers or floats
+    order : of convergence, as its author says; `convergence_order` measures it, and certificates do
     Raises InputError for shapes that do not fit, zero weights, a pair that is not symplectic, and coefficients above
     a million.
     """

@@ -33,6 +33,7 @@ from orbits.trajectory.changes import Changes, of_bodies
 from orbits.trajectory.work import ForceEffect, accounts_of, effects
 
 if TYPE_CHECKING:
+    from orbits.marching.clocks.constant import Clock
     from orbits.protocols import Samples
     from orbits.system import System
     from orbits.trajectory.trajectory import Trajectory
@@ -147,6 +148,7 @@ class Conservation:
     if TYPE_CHECKING:  # set by `Trajectory`
         system: System
         changes: Changes | None
+        clock: Clock
         _q: Samples
         _v: Samples
 
@@ -206,7 +208,7 @@ class Conservation:
 
     def drift(self) -> ConservedQuantities:
         """Return the drifts of energy, momenta and centre of mass from the start of the run over these samples, as
-        fractions and in ulps.
+        fractions and in ulps; "at the end" is at the latest of these, in whatever order they are.
 
         They belong to the massive bodies, and include the terms of the system. If terms distinguish an axis, the
         angular momentum is the component along it: the rest is exchanged with a spin that is not integrated. A quantity
@@ -220,7 +222,7 @@ class Conservation:
             named = tuple(name for name, has_mass in zip(self.system.names, massive, strict=True) if has_mass)
             light = int(np.count_nonzero(~massive))
             return ConservedQuantities(NONE, NONE, NONE, NONE, named, light, given=True)
-        energy, angular, linear = self.conserved()
+        energy, angular, linear = (values[self._from_the_start()] for values in self.conserved())
         forces, timed = acts_on_massive(self.system), depends_on_time(self.system)
         pole = axis(self.system)
         lost = pole is not None and not any(pole)
@@ -265,9 +267,14 @@ class Conservation:
         """The drift of the centre of mass from its uniform motion at the start."""
         start, massive = self.system, self.system.massive
         q, v = start.values.q[massive], start.values.v[massive]
-        centres = np.concatenate([start.centre_of_mass().value[None], self.centre_of_mass().value])
-        times = np.concatenate([[0.0], self.times])
+        order = self._from_the_start()
+        centres = np.concatenate([start.centre_of_mass().value[None], self.centre_of_mass().value])[order]
+        times = np.concatenate([[0.0], self.times])[order]
         return uniform_motion_drift(gm_of(start), times, centres, q, centre_velocity(start, q, v))
+
+    def _from_the_start(self) -> NDArray[np.intp]:
+        """Return the order in which the run passes its start and these samples, which may be in any."""
+        return np.append(0, 1 + np.argsort(self.times * self.clock.direction, kind="stable"))
 
     def energy_lost(self) -> u.Quantity:
         """Return the energy that the massive bodies lost in mergers and bounces up to each sample, shape (n,).

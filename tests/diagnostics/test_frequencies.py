@@ -106,6 +106,16 @@ def test_an_oscillation_of_real_numbers_has_a_term_of_either_sign():
     assert 2 * abs(found.amplitude[found.frequency > 1.0][0]) == pytest.approx(1.0, abs=1e-10)
 
 
+@pytest.mark.parametrize("below", [0.005, 0.001, 0.0, -0.003])
+def test_a_term_beside_the_fastest_that_the_samples_resolve_is_found(below):
+    """From both sides: half a turn in a sample, and less than that backwards, look alike."""
+    k, frequency = np.arange(100), np.pi - below
+    found = diagnostics.frequency_analysis(k, np.exp(1j * (frequency * k + 0.3)), 1)
+    assert np.abs(found.frequency) <= np.pi
+    assert np.exp(1j * found.frequency) == pytest.approx(np.exp(1j * frequency), abs=1e-13)
+    assert found.amplitude == pytest.approx(np.exp(0.3j), abs=1e-11)
+
+
 def test_a_series_of_zeros_has_no_terms():
     found = diagnostics.frequency_analysis(np.arange(64.0), np.zeros(64), 3)
     assert (len(found), found.residual) == (0, 0.0)
@@ -125,6 +135,8 @@ def test_a_band_leaves_out_what_is_outside_it():
         ({"t": np.arange(99.0)}, r"t and series have shapes \(99,\) and \(100,\)"),
         ({"series": np.full(100, np.nan)}, "series holds .*nan.*; expected finite values"),
         ({"series": np.array(["a"] * 100)}, "series holds str.*; expected complex or real numbers"),
+        ({"series": [[1.0], [1.0, 2.0]]}, "series is .*; expected complex or real numbers"),
+        ({"series": np.ma.masked_equal(np.arange(100.0), 5)}, "series is a masked array; expected numbers for all"),
         ({"terms": 0}, "terms"),
         ({"terms": 26}, "100 samples cannot tell 26 terms; expected at least 104, or fewer terms"),
         ({"window": -1}, "window"),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from astropy import units as u
 
 import orbits
 from orbits import discrete
@@ -124,6 +125,15 @@ def test_bad_input_is_refused():
         discrete.momentum_map(turn, Q, Q * np.nan)
     with pytest.raises(InputError, match="one shape"):
         discrete.momentum_map(turn, Q, Q[0])
+    with pytest.raises(InputError, match=r"q is .*; expected an array of real numbers\. Take the floats"):
+        discrete.momentum_map(turn, Q * u.km, Q)
+    for ask in (
+        lambda: discrete.momentum_map("rotation", Q, Q),
+        lambda: discrete.drift(L_d, "rotation", Q, Q, 0.1),
+        lambda: discrete.invariance(L_d, "rotation", Q[0], Q[1], 0.1, 0.5),
+    ):
+        with pytest.raises(InputError, match=r"expected an orbits\.Symmetry, such as one of .*; got 'rotation'"):
+            ask()
     for other, text in (
         (translation([1.0, 0.0, 0.0]), r"translation: the generator returns shape \(3,\) for a point of shape \(2,\)"),
         (rotation([0.0, 0.0, 1.0]), r"rotation: the generator takes no point of shape \(2,\): cannot reshape"),

@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from astropy import units as u
 
+import orbits
 from orbits import discrete
 from orbits.errors import InputError
 from orbits.lagrangians.newtonian import n_body
@@ -112,9 +114,37 @@ def test_what_is_no_path_is_refused(path):
         discrete.euler_lagrange_residual(discrete.trapezoidal(Pendulum()), path, 0.1)
 
 
-def test_the_times_of_a_clock_that_adds_dt_again_and_again_are_uniform():
-    import orbits
+@pytest.mark.parametrize(
+    ("path", "h", "words"),
+    [
+        (np.zeros((5, 1)) * u.km, 0.1, "the path is .*; expected an array of real numbers. Take the floats"),
+        (np.zeros((5, 1)), np.arange(5) * u.yr, "h is .*; expected an array of real numbers. Take the floats"),
+        ([[1.0], [1.0, 2.0]], 0.1, "the path is .*; expected an array of real numbers"),
+        (np.zeros((5, 1)), "soon", "h is 'soon'; expected an array of real numbers"),
+    ],
+)
+def test_units_and_what_are_no_numbers_are_refused_not_dropped(path, h, words):
+    with pytest.raises(InputError, match=words):
+        discrete.action(discrete.trapezoidal(Pendulum()), path, h)
 
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: discrete.vprk(orbits.lagrangians.kepler, orbits.Gauss(stages=2)), "expected a tableau, such as"),
+        (lambda: discrete.vprk("kepler", orbits.Gauss(stages=2).tableau), "expected a Lagrangian such as .*'kepler'"),
+        (lambda: discrete.midpoint("kepler"), "expected a Lagrangian such as .*'kepler'"),
+        (lambda: discrete.exact("kepler"), "expected a Lagrangian such as .*'kepler'"),
+        (lambda: discrete.exact_linear("heavy", [[1.0]]), "mass is 'heavy'; expected an array of real numbers"),
+        (lambda: discrete.exact_free_particle(dimension=0), "dimension must be a whole number >= 1, got 0"),
+    ],
+)
+def test_what_no_discrete_lagrangian_is_of_is_refused(make, words):
+    with pytest.raises(InputError, match=words):
+        make()
+
+
+def test_the_times_of_a_clock_that_adds_dt_again_and_again_are_uniform():
     path = orbits.march(orbits.lagrangians.pendulum, orbits.Gauss(stages=1), dt=0.1, steps=300)
     times = np.cumsum(np.full(301, 0.1)) - 0.1
     L_d = discrete.midpoint(orbits.lagrangians.pendulum)

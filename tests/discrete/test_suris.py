@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import sympy
 
 import orbits
 from orbits import discrete
@@ -75,3 +76,21 @@ def test_the_steps_at_which_its_potential_ends_are_refused():
         discrete.suris(pendulum.with_parameters(g=-1.0))
     with pytest.raises(InputError, match="one shape"):
         L_d.march([0.5], [0.0, 1.0], 0.3, 3)
+
+
+def test_another_lagrangian_of_that_name_has_no_such_map():
+    x, v, m, length, g = sympy.symbols("x v m l g")
+    spring = orbits.Lagrangian.from_sympy(
+        m * v**2 / 2 - g * length * x**2 / 2, q=[x], v=[v], parameters={m: 1.0, length: 1.0, g: 1.0}, name="pendulum"
+    )
+    with pytest.raises(InputError, match=r"'pendulum' is not m l\^2 v\^2/2 \+ m g l cos q, for which alone"):
+        discrete.suris(spring)
+
+
+@pytest.mark.parametrize(
+    ("q", "steps", "words"),
+    [([0.5], -1, "steps must be a whole number >= 0, got -1"), (["far"], 3, "expected an array of real numbers")],
+)
+def test_marches_of_suris_map_that_are_none_are_refused(q, steps, words):
+    with pytest.raises(InputError, match=words):
+        discrete.suris(pendulum).march(q, [0.0], 0.1, steps)

@@ -183,6 +183,11 @@ def test_what_makes_no_sense_is_refused_with_a_reason(force, words):
         system().with_forces(force())
 
 
+def test_the_body_that_loses_mass_is_named_first_as_of_tides_and_figures():
+    (loss,) = system().with_forces(MassLoss("planet", fraction=-0.1)).forces
+    assert (loss.source, loss.bodies) == ("planet", None)
+
+
 def test_a_force_goes_with_its_bodies_and_with_its_source():
     force = RadiationPressure(beta=(0.1, 0.2), bodies=["planet", "grain"], c=1.0)
     acting = system().with_forces(force)

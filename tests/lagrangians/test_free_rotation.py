@@ -71,6 +71,12 @@ def test_the_quaternion_is_continuous_through_whole_periods():
         assert np.abs(np.diff(q, axis=0)).max() < 0.03  # half the angle in 0.05, not 2
 
 
+@pytest.mark.parametrize("unit", [1e-300, 1e300])
+def test_moments_in_any_unit_are_the_same_body(unit):
+    one, other = (rotations.free_rotation(x * np.array([1.0, 2, 3]), 3.0, rates=(0.4, 0.1, 0.9)) for x in (1.0, unit))
+    assert max(np.abs(a - b).max() for a, b in zip(one, other, strict=True)) < 1e-14
+
+
 @pytest.mark.parametrize(
     ("inertia", "times", "more", "words"),
     [

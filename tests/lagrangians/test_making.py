@@ -220,6 +220,9 @@ WRONG_USES = {
         "coordinates must be a list of names",
     ),
     "no kernels": (lambda: orbits.Lagrangian.from_kernels({}, coordinates=["q"], name="x"), "no kernels were given"),
+    "copies": (lambda: orbits.lagrangians.rotation(copies=1.5), "copies must be a whole number >= 1, got 1.5"),
+    "no copies": (lambda: orbits.lagrangians.translation([1.0], copies=0), "copies must be a whole number >= 1, got 0"),
+    "masses": (lambda: orbits.lagrangians.boost([1.0], masses="a"), "masses is 'a'; expected an array of real numbers"),
     "stages": (lambda: LobattoIIIAB(stages=1), "stages between 2 and 8"),
     "variant": (lambda: SymplecticEuler(variant="both"), "kick-drift and drift-kick"),
 }

@@ -160,6 +160,8 @@ def test_what_cannot_be_is_refused():
         orbits.terms.MinorBodies(bodies=["body 1", "body 1"])
     with pytest.raises(InputError, match="expected names of massive bodies in a list"):
         orbits.terms.MinorBodies()
+    with pytest.raises(InputError, match=r"belongs to several bodies, but body is \['body 1', 'body 2'\]; expected"):
+        orbits.terms.MinorBodies(["body 1", "body 2"])
     with pytest.raises(UnknownNameError, match="body 12"):
         plain.with_terms(orbits.terms.MinorBodies(bodies=["body 12"]))
     light = plain.add("probe", q=[3, 0, 0], v=[0, 0.5, 0])

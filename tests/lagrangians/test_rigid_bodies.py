@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import sympy
 
 import orbits
 from orbits import rotations
@@ -136,9 +137,26 @@ def test_moments_that_no_body_has_are_refused(inertia, words):
         orbits.lagrangians.full_two_body((1, 1), None, inertia)
 
 
+@pytest.mark.parametrize(
+    ("potential", "words"),
+    [
+        (lambda R: "a", "cannot be made into a formula"),  # which would be executed
+        (lambda R: np.sin(R[2, 2]), "cannot be made into a formula .*with functions of SymPy"),
+        (lambda R: R, "potential returns .*expected a function of the matrix R"),
+        (3, "potential is 3; expected a function of the matrix R"),
+        (lambda R: sympy.Symbol("a") * R[2, 2], "potential mentions a, by which the attitude .*other names than a, b"),
+    ],
+)
+def test_what_is_no_potential_is_refused(potential, words):
+    with pytest.raises(InputError, match=words):
+        orbits.lagrangians.rigid_body((1, 1, 0.4), potential=potential)
+
+
 def test_two_spheres_and_masses_that_are_none_are_refused():
     with pytest.raises(InputError, match="expected moments of inertia of one at least"):
         orbits.lagrangians.full_two_body((1, 1), None, None)
+    with pytest.raises(InputError, match="masses is 1; expected two masses > 0"):
+        orbits.lagrangians.full_two_body(1, None, (1, 1, 1))
     with pytest.raises(InputError, match="expected two masses > 0"):
         orbits.lagrangians.full_two_body((1, -1), None, (1, 1, 1))
 
@@ -169,6 +187,29 @@ def test_attitudes_and_matrices_are_the_same_rotations():
 def test_what_is_no_rotation_is_refused_with_how_far_it_is_from_one(attitude, words):
     with pytest.raises(InputError, match=words):
         rotations.start((0, 0, 1), attitude)
+
+
+@pytest.mark.parametrize("length", [1e-200, 1e200])
+def test_quaternions_of_any_length_are_the_same_rotation(length):
+    q, v = rotations.start((0.1, 0.2, 0.3), (1.0, 0.2, 0.3, 0.4))
+    assert np.abs(rotations.matrices(length * q) - rotations.matrices(q)).max() < 4 * EPS
+    assert np.abs(rotations.body_rates(length * q, length * v) - (0.1, 0.2, 0.3)).max() < 4 * EPS
+    assert np.abs(rotations.start((0, 0, 0), length * q)[0] - q).max() < 4 * EPS
+
+
+@pytest.mark.parametrize(
+    ("ask", "words"),
+    [
+        (lambda: rotations.body_rates([0, 0, 0, 0], [0, 0, 0, 1]), "q has quaternions that are 0"),
+        (lambda: rotations.matrices([np.inf, 0, 0, 0]), "or not finite"),
+        (lambda: rotations.product(np.ones((2, 4)), np.ones((3, 4))), r"p has \(2,\) quaternions, and q \(3,\)"),
+        (lambda: rotations.body_rates(np.ones((2, 4)), np.ones((3, 4))), r"q has \(2,\) quaternions, and v \(3,\)"),
+        (lambda: rotations.matrices("none"), "q is 'none'; expected an array of real numbers"),
+    ],
+)
+def test_what_are_no_quaternions_is_refused_in_words(ask, words):
+    with pytest.raises(InputError, match=words):
+        ask()
 
 
 def test_the_formula_of_two_bodies_is_that_of_their_points_spins_and_figures(monkeypatch):

@@ -86,6 +86,24 @@ def test_symmetries_are_kept_where_the_monitor_has_them(eccentric):
     assert [s.name for s in time_transformed(KEPLER, monitor=2 + x**2).symmetries] == ["translation of time"]
 
 
+def test_other_parameters_have_their_own_symmetries_and_are_checked_as_before():
+    top = time_transformed(orbits.lagrangians.rigid_body((1, 1, 0.4)), monitor=sympy.Integer(1))
+    assert "rotation about axis 3" in [s.name for s in top.symmetries]
+    assert "rotation about axis 3" not in [s.name for s in top.with_parameters(I1=1.2).symmetries]
+
+    k = sympy.Symbol("k", positive=True)  # SymPy writes k for sqrt(k**2)
+    spring = orbits.Lagrangian.from_sympy(
+        sympy.Symbol("vx") ** 2 / 2 - sympy.sqrt(k**2) * x**2,
+        q=[x],
+        v=[sympy.Symbol("vx")],
+        parameters={k: 1.0},
+        name="spring",
+        example=orbits.Motion((1.0,), (0.0,), 0.1),
+    )
+    with pytest.raises(InputError, match="parameter k was declared to SymPy with positive=True"):
+        time_transformed(spring, monitor=1 + x**2).with_parameters(k=-1.0)
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("method", [orbits.Gauss(stages=2), LobattoIIIAB(stages=3), SymplecticEuler()])
 def test_certificates_hold_for_a_lagrangian_of_ones_own(method):

@@ -291,6 +291,19 @@ def test_a_body_that_moves_straight_towards_the_primary_at_a_sample_has_no_eleme
     assert np.isfinite(values[1:]).all()
 
 
+def test_the_infinite_axis_of_a_parabola_is_left_out_of_its_panel() -> None:
+    """At the start; rounding leaves ellipses and hyperbolas of any size after that."""
+    system = orbits.System.from_elements({"star": {"mass": 1.0}, "planet": {"a": 5.0, "e": 0.05, "mass": 1e-3}})
+    run = orbits.propagate(
+        system.add("comet", primary="star", q=1.0, e=1.0, T=-1.0), orbits.Gauss(4), dt=0.1, duration=20.0, samples=20
+    )
+    assert run.elements(primary="star")["comet"].a[0].value == np.inf
+    figure = run.plot("elements")
+    assert [len(axes.lines) > 0 for axes in figure.axes] == [True] * len(figure.axes)
+    alone = run.plot("elements", bodies=["comet"], elements="a")
+    assert np.all(np.isfinite(alone.axes[0].get_ylim()))
+
+
 def test_angles_that_go_round_are_within_the_panel_and_events_are_marked_on_them() -> None:
     """M and f from -180 to 0 were below it. At a pericentre M is 0, between samples at 357 and 1 degrees."""
     bodies = {"s": {"gm": 1.0}, "p": {"a": 1.0, "e": 0.3, "M": 1.0}}

@@ -262,8 +262,11 @@ def test_other_requests_that_make_no_sense_are_refused():
         HYPERION.libration(1, theta=0.4)
     with pytest.raises(InputError, match="threads, if given"):
         HYPERION.section(0.0, 1.0, 10, threads=0)
-    with pytest.raises(InputError, match="samples must be a whole number"):
-        HYPERION.march(0.0, 1.0, 10, samples=0)
+    for ask in (lambda: HYPERION.march(0.0, 1.0, 10, samples=0), lambda: HYPERION.tangents(0.0, 1.0, 0)):
+        with pytest.raises(InputError, match="samples must be a whole number"):
+            ask()
+    with pytest.raises(InputError, match="theta must be a single number"):
+        HYPERION.tangents([0.0, 1.0], 1.0, 4)
 
 
 def test_a_spin_too_fast_for_the_steps_is_told_with_how_many_it_takes():
@@ -281,6 +284,26 @@ def test_a_spin_too_fast_for_the_steps_is_told_with_how_many_it_takes():
 def test_a_resonance_that_is_not_there_is_said_so():
     with pytest.raises(InputError, match="no spin of 2 turns in a revolution was found"):
         PlanarSpins(eccentricity=0.0, alpha=0.5, tides=0.1).libration(2)
+
+
+@pytest.mark.parametrize(("resonance", "theta"), [(1.5, 0.0), (1.5, math.pi / 2), (2, 0.0), (3, math.pi / 2)])
+def test_a_circle_locks_spins_in_no_resonance_but_1(resonance, theta):
+    """There the problem is a pendulum: all spins of a rate repeat, whatever theta is, and none librates."""
+    with pytest.raises(InputError, match="A resonance too weak for floats, as all but 1 on a circle, is none"):
+        PlanarSpins(eccentricity=0.0, alpha=0.3).libration(resonance, theta=theta)
+    assert PlanarSpins(eccentricity=0.0, alpha=0.3).libration(1).period == pytest.approx(1 / 0.3, rel=1e-9)
+
+
+def test_a_loop_has_whole_numbers_of_points_and_its_area():
+    assert area(*loop([1, 0], [0, 1], [0.1, 0], [0.1, 0], points=5)) == pytest.approx(-math.pi * 0.01, rel=1e-13)
+    for points in (3.5, 3):
+        with pytest.raises(InputError, match="points must be a whole number >= 4"):
+            loop([1, 0], [0, 1], [0.1, 0], [0.1, 0], points=points)
+
+
+def test_dots_take_options_of_matplotlib_by_either_name():
+    lines = HYPERION.section(0.0, [0.5, 1.0], 2).plot(markersize=4, c="k").axes[0].lines
+    assert {(line.get_markersize(), line.get_color()) for line in lines} == {(4, "k")}
 
 
 def test_a_section_that_no_memory_holds_is_refused_with_its_size():

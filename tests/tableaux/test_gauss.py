@@ -84,7 +84,7 @@ def test_continuation_continues_polynomials_exactly():
     assert np.abs(t.continuation @ polynomial(t.c) - polynomial(1.0 + t.c)).max() < 541 * 2e-16
 
 
-@pytest.mark.parametrize("stages", [0, -1, 2.0, True, "8", None])
+@pytest.mark.parametrize("stages", [0, -1, 2.0, True, "8", None, 33])
 def test_a_wrong_number_of_stages_is_refused(stages):
     with pytest.raises(InputError, match="stages"):
         gauss(stages)

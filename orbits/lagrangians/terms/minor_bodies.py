@@ -170,6 +170,11 @@ class MinorBodies(Term):
 
     def __post_init__(self) -> None:
         """Raise InputError unless there are names, each once."""
+        if self.body is not None:
+            raise InputError(
+                f"MinorBodies belongs to several bodies, but body is {shown(self.body)}; expected bodies=[...], the "
+                "names of massive bodies."
+            )
         given = [self.bodies] if isinstance(self.bodies, str) else self.bodies
         if not isinstance(given, list | tuple) or not given or not all(isinstance(name, str) for name in given):
             raise InputError(
