@@ -157,10 +157,11 @@ class Campaign:
             (members, bodies), in the order of meta["bodies"], those of the first member, and then of bodies of other
             names; NaN for the most massive one and those that are not there
         closest, closest_to, closest_at : the closest approach to another body than the one that dominates the system,
-            with 90 % of its mass, if one does, and its time; infinity if none came near. Of systems that of the two
-            bodies that came closest. Not if the plan has approaches=False
+            with 90 % of its mass, if one does, and its time; infinity if none came near, NaN if bodies with mass
+            merge, bounce or are changed. Of systems that of the two bodies that came closest. Not if the plan has
+            approaches=False
         megno, unresolved_at : if asked for; and when the first passage was that its method cannot follow
-        energy_error : of systems, the largest relative deviation at the samples
+        energy_error : of systems, the largest relative deviation at the samples, with what mergers and bounces took
         """
         from astropy.table import QTable
 

@@ -486,6 +486,27 @@ def test_the_closest_approach_of_a_system_is_that_of_two_others_than_the_one_tha
     assert table["closest"][1].value == np.inf
 
 
+def test_the_table_of_systems_that_merge_has_the_error_of_the_energy_and_does_not_say_that_nothing_came_near(tmp_path):
+    """The energy that a merger takes, a hundredth here, is no error; closest approaches of such runs are not known."""
+
+    def meeting(turn):
+        a = {"a": 1.0, "e": 0.1, "gm": 1e-3, "radius": 0.05}
+        b = {"a": 1.1, "e": 0.1, "gm": 2e-3, "radius": 0.05, "l": turn, "pomega": 3.0}
+        star = {"gm": 1.0, "radius": 0.05}
+        return orbits.System.from_elements({"star": star, "a": a, "b": b}, units=orbits.DIMENSIONLESS)
+
+    merging = orbits.events.Collision(then=orbits.events.Merge())
+    options = {"duration": 20.0, "samples": 11, "events": [merging], "integrator": "gauss", "progress": False}
+    campaign = ensemble.run(ensemble.systems([meeting(1.0), meeting(4.0)]), tmp_path / "c", **options)
+    assert [len(campaign.run(k).legs) for k in range(2)] == [2, 1]
+    assert campaign.run(0).energy_lost()[-1].value > 1e-6
+    table = campaign.summary
+    assert (table["energy_error"] < 2e-15).all()  # round-off
+    assert np.isnan(table["closest"][0])
+    assert np.isfinite(table["closest"][1])
+    assert list(table["closest_to"]) == ["", "a, b"]
+
+
 def test_a_grid_of_systems_has_the_bits_of_a_list_of_them(tmp_path):
     options = {"duration": 5.0, "dt": 0.01, "integrator": "stormer-verlet", "samples": 4}
     speeds = np.linspace(0.7, 1.1, 5)
