@@ -160,7 +160,8 @@ class Campaign:
             with 90 % of its mass, if one does, and its time; infinity if none came near, NaN if bodies with mass
             merge, bounce or are changed. Of systems that of the two bodies that came closest. Not if the plan has
             approaches=False
-        megno, unresolved_at : if asked for; and when the first passage was that its method cannot follow
+        megno, unresolved_at : if asked for; NaN for lost particles and where bodies with mass merge, bounce or are
+            changed; and when the first passage was that its method cannot follow
         energy_error : of systems, the largest relative deviation at the samples, with what mergers and bounces took
         """
         from astropy.table import QTable

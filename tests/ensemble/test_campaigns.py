@@ -486,18 +486,21 @@ def test_the_closest_approach_of_a_system_is_that_of_two_others_than_the_one_tha
     assert table["closest"][1].value == np.inf
 
 
+def meeting(turn):
+    """Two planets, which merge at t = 7.6 if `turn` is 1."""
+    a = {"a": 1.0, "e": 0.1, "gm": 1e-3, "radius": 0.05}
+    b = {"a": 1.1, "e": 0.1, "gm": 2e-3, "radius": 0.05, "l": turn, "pomega": 3.0}
+    star = {"gm": 1.0, "radius": 0.05}
+    return orbits.System.from_elements({"star": star, "a": a, "b": b}, units=orbits.DIMENSIONLESS)
+
+
+MERGING = {"duration": 20.0, "integrator": "gauss", "progress": False,
+           "events": [orbits.events.Collision(then=orbits.events.Merge())]}  # fmt: skip
+
+
 def test_the_table_of_systems_that_merge_has_the_error_of_the_energy_and_does_not_say_that_nothing_came_near(tmp_path):
     """The energy that a merger takes, a hundredth here, is no error; closest approaches of such runs are not known."""
-
-    def meeting(turn):
-        a = {"a": 1.0, "e": 0.1, "gm": 1e-3, "radius": 0.05}
-        b = {"a": 1.1, "e": 0.1, "gm": 2e-3, "radius": 0.05, "l": turn, "pomega": 3.0}
-        star = {"gm": 1.0, "radius": 0.05}
-        return orbits.System.from_elements({"star": star, "a": a, "b": b}, units=orbits.DIMENSIONLESS)
-
-    merging = orbits.events.Collision(then=orbits.events.Merge())
-    options = {"duration": 20.0, "samples": 11, "events": [merging], "integrator": "gauss", "progress": False}
-    campaign = ensemble.run(ensemble.systems([meeting(1.0), meeting(4.0)]), tmp_path / "c", **options)
+    campaign = ensemble.run(ensemble.systems([meeting(1.0), meeting(4.0)]), tmp_path / "c", samples=11, **MERGING)
     assert [len(campaign.run(k).legs) for k in range(2)] == [2, 1]
     assert campaign.run(0).energy_lost()[-1].value > 1e-6
     table = campaign.summary
@@ -505,6 +508,17 @@ def test_the_table_of_systems_that_merge_has_the_error_of_the_energy_and_does_no
     assert np.isnan(table["closest"][0])
     assert np.isfinite(table["closest"][1])
     assert list(table["closest_to"]) == ["", "a, b"]
+
+
+def test_megno_is_nan_of_particles_that_merged_and_where_planets_merge(tmp_path):
+    """Tangent vectors know no mergers: they would be those of bodies that pass through each other."""
+    how = {**MERGING, "dt": 0.05, "megno": True, "integrator": "stormer-verlet", "check_step": False}
+    merged = ensemble.run(ensemble.systems([meeting(1.0), meeting(4.0)]), tmp_path / "systems", **how)
+    np.testing.assert_array_equal(np.isnan(merged.summary["megno"]), [True, False])
+    planets = meeting(4.0).add(["falls", "far"], primary="star", a=[2.5, 3.0], e=[0.99, 0.0], M=3.0)
+    lost = ensemble.run(ensemble.particles(planets, planets), tmp_path / "particles", **how)
+    assert list(lost.summary["state"]) == ["lost", "survived"]
+    np.testing.assert_array_equal(np.isnan(lost.summary["megno"]), [True, False])
 
 
 def test_a_grid_of_systems_has_the_bits_of_a_list_of_them(tmp_path):
