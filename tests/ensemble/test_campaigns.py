@@ -371,6 +371,13 @@ def test_wrong_arguments_are_refused_before_there_is_a_folder(tmp_path, changes,
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.parametrize("given", [{"megno": True}, {"trajectories": False}, {"block": 4}, {"samples": 3}])
+def test_what_a_plan_has_is_not_given_beside_it(tmp_path, given):
+    plan = ensemble.Plan(belt(20), **{name: value for name, value in OPTIONS.items() if name != "progress"})
+    with pytest.raises(InputError, match=f"a Plan has its own {next(iter(given))}; change it by plan.changed"):
+        ensemble.run(plan, tmp_path / "c", **given)
+
+
 def test_other_arguments_are_answered_with_a_hint(tmp_path):
     with pytest.raises(UnknownNameError, match=r"no argument 'n_jobs': threads"):
         ensemble.run(belt(20), tmp_path / "c", n_jobs=2, **OPTIONS)
