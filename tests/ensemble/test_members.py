@@ -57,6 +57,22 @@ def test_clones_of_elements_have_their_covariance():
     np.testing.assert_allclose(own.std(axis=1), sigma, rtol=0.05)  # four standard errors of 4,000 draws
 
 
+@pytest.mark.parametrize("primary", ["Sun", "jacobi", "barycentre"])
+@pytest.mark.parametrize("mass", [0.0, 1e-4])
+def test_clones_of_elements_about_a_centre_of_mass_are_near_a_body_that_is_not_the_last_one(primary, mass):
+    """The centre is that of the body: of those before it, or of all with itself once."""
+    own = {"a": 2.5 * u.au, "e": 0.2, "inc": 0.1, "M": 1.0, "mass": mass * u.M_sun}
+    bodies = {"Sun": {"mass": 1 * u.M_sun}, "x": own, "Jupiter": {"a": 5.2 * u.au, "mass": 1 * u.M_jup}}
+    whole = orbits.System.from_elements(bodies, epoch="2026-01-01")
+    elements = {"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg}
+    C = 1e-24 * np.eye(6)
+    members = ensemble.clones(whole, "x", covariance=C, count=3, seed=1, elements=elements, primary=primary)
+    for k, name in enumerate(members.names):
+        one = members.part(k, k + 1).system()
+        place = one["x" if mass else name].q - whole["x"].q
+        assert abs(place.to_value(u.au)).max() < 1e-11  # q by some 1e-12 au, and T by as many days
+
+
 def test_clones_of_a_body_with_mass_are_systems():
     members = ensemble.clones(giants(), "Jupiter", covariance=COVARIANCE, count=3, seed=1)
     assert members.kind == "systems"
@@ -87,6 +103,10 @@ def test_unknown_bodies_and_elements_are_refused():
     wrong = {"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inclination": u.deg}
     with pytest.raises(InputError, match="no element 'inclination'; expected some of a, e"):
         ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, elements=wrong, primary="Sun")
+    for unit in ("foo", u.kg, None):
+        units = {"e": 1, "q": unit, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg}
+        with pytest.raises(InputError, match=r"the unit of q is .*; expected one such as AU"):
+            ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, elements=units, primary="Sun")
     with pytest.raises(InputError, match=r"say of which elements a matrix is; expected none .* a matrix of a state"):
         ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, frame="ecliptic")
 
