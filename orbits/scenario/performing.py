@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -145,7 +145,8 @@ def _performed(
         cases[name] = CaseOutcome(name, system, found, report)
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
-        checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
+        given = () if scenario.checks is None else scenario.checks(outcome)
+        checks = tuple(given) if isinstance(given, Iterable) else (given,)
     _require_checks(scenario.name, checks)
     outcome = replace(outcome, checks=checks)
     files, complaints = [*runs.archives.values()], [*runs.failures]
@@ -306,6 +307,8 @@ def _saved(figures: Mapping[str, Any], folder: Path) -> list[Path]:
     for name, figure in figures.items():
         if not hasattr(figure, "savefig"):
             raise InputError(f"draw gave {figure!r} as {name!r}; expected a matplotlib Figure, or several by name.")
+        if Path(str(name)).name != str(name):
+            raise InputError(f"draw called a figure {shown(name)}; expected a name without a folder: it names a file.")
     paths = []
     for name, figure in figures.items():
         paths.append(replaceable(folder / f"{name}.png"))
