@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from orbits.ensemble.members import Ensemble
-from orbits.ensemble.summaries import FAILED as MEMBER_FAILED
 from orbits.ensemble.summaries import LOST, SURVIVED, Columns, of_particles, of_systems, units_of_table
 from orbits.errors import InputError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
 from orbits.finding import kind_of
@@ -232,7 +231,9 @@ def _worked(
         else:
             columns = of_systems([runs.get(k) for k in range(len(task.part))], reasons, task.bodies)
         if task.megno is not None:
-            columns |= _megno(task, made, runs, columns["state"], asked)
+            changed = {k for k, run in runs.items() if run.changes is not None and run.changes.begin_legs}
+            columns |= _megno(task, {k: made[k] for k in made.keys() - reasons.keys() - changed}, asked)
+            columns["megno"][columns["state"] == LOST] = np.nan
         bits = _bits(list(runs.values()), columns)
     finally:
         for run in runs.values():
@@ -340,21 +341,12 @@ def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:
     return TimeGrid.of(system, options.get("dt"), **known)
 
 
-def _megno(
-    task: Task, made: Mapping[int, System], runs: Mapping[int, Trajectory], states: Any, asked: Callable[[], str]
-) -> Columns:
-    """Return MEGNO of the members at the end, and when each first had a passage that the method cannot follow.
-
-    It is NaN for members that failed or were lost, by `states`, (members,), and where bodies with mass merge, bounce or
-    are changed: tangent vectors follow the same bodies from start to end.
-    """
+def _megno(task: Task, made: Mapping[int, System], asked: Callable[[], str]) -> Columns:
+    """Return MEGNO of these members at the end, and when each first had a passage that the method cannot follow."""
     assert task.megno is not None
     known = {name: task.options[name] for name in ("dt", "duration", "until") if name in task.options}
     values, passages = np.full((2, len(task.part)), np.nan)
     for k, system in made.items():
-        changes = runs[k].changes if k in runs else None
-        if states[k] == MEMBER_FAILED or (changes is not None and changes.begin_legs):
-            continue
         _go_on(asked)
         samples = [_grid(system, task.options).end]
         try:
@@ -365,7 +357,7 @@ def _megno(
             continue
         if task.part.massless:
             members = found.particles[-len(task.part) :]
-            values[:] = np.where(states == LOST, np.nan, [one.megno[-1] for one in members])
+            values[:] = [one.megno[-1] for one in members]
             passages[:] = [np.nan if one.passage is None else one.passage.value for one in members]
         elif found.massive is None:
             raise InputError(

@@ -111,6 +111,21 @@ def test_unknown_bodies_and_elements_are_refused():
         ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, frame="ecliptic")
 
 
+def test_an_axis_may_be_a_list_of_quantities():
+    grid = ensemble.grid(giants(), primary="Sun", a=[2.0 * u.au, 2.5 * u.au], inc=[0.1 * u.rad, 90 * u.deg])
+    assert list(grid.names)[:2] == ["a=2 AU inc=0.1 rad", "a=2 AU inc=1.5708 rad"]
+    found = grid.part(0, 4).system().elements(primary="Sun")
+    np.testing.assert_allclose(found.a[-4:].value, [2, 2, 2.5, 2.5], rtol=1e-13)
+    with pytest.raises(InputError, match=r"a is \[.*\]; expected .* in units of one kind"):
+        ensemble.grid(giants(), primary="Sun", a=[2.0 * u.au, 2.5 * u.day])
+
+
+@pytest.mark.parametrize("value", [None, [None, 2], giants(), Time("2026-01-01"), {"a": 1}])
+def test_values_that_a_table_cannot_hold_are_refused_before_anything_is_integrated(value):
+    with pytest.raises(InputError, match=r"kind is .*; expected numbers, texts or truth values"):
+        ensemble.grid(lambda mass, kind: giants(), mass=[1e-3, 2e-3], kind=value)
+
+
 def test_a_grid_of_elements_is_made_of_particles_at_its_points():
     grid = ensemble.grid(giants(), primary="Sun", a=[2.0, 2.5] * u.au, e=np.linspace(0, 0.2, 3), inc=5 * u.deg)
     assert len(grid) == 6
