@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -147,7 +147,10 @@ def _performed(
     with located():
         given = () if scenario.checks is None else scenario.checks(outcome)
         checks = tuple(given) if isinstance(given, Iterable) else (given,)
-    _require_checks(scenario.name, checks)
+    for check in checks:
+        if not isinstance(check, Check):
+            wanted = "checks must yield orbits.scenarios.Check values"
+            raise InputError(f"scenario {scenario.name!r}: {wanted}, got {shown(check)}.")
     outcome = replace(outcome, checks=checks)
     files, complaints = [*runs.archives.values()], [*runs.failures]
     if plot:
@@ -217,7 +220,6 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
         result = study.experiment(say, *more)
     if not isinstance(result, StudyResult):
         raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {shown(result)}.")
-    _require_checks(study.name, result.checks)
     files: list[Path] = []
     complaints: list[str] = []
     if plot and result.figures:
@@ -235,12 +237,6 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
     if parts is not None:
         parts.remove()
     return outcome
-
-
-def _require_checks(name: str, checks: Sequence[Any]) -> None:
-    for check in checks:
-        if not isinstance(check, Check):
-            raise InputError(f"scenario {name!r}: checks must yield orbits.scenarios.Check values, got {shown(check)}.")
 
 
 def _comparison(scenario: Scenario, system: System, grid: TimeGrid) -> Asked | None:
