@@ -41,7 +41,8 @@ class Progress:
 
     blocks, done, failed : numbers of blocks: all, those that are done, and those of which nothing could be integrated
     members, members_done : all members, and those of blocks that are done
-    survivors : members that were integrated to the end;  seconds : of work of all workers so far
+    survivors : members that were integrated to the end, or to where an event or a condition stopped them
+    seconds : of work of all workers so far
     members_failed : members that could not be integrated, of failed blocks and of blocks that are done
     """
 
