@@ -547,6 +547,12 @@ def test_a_figure_whose_name_leads_to_another_folder_is_a_failure(tmp_path, name
     assert list(tmp_path.iterdir()) == [folder]
 
 
+def test_a_method_that_is_given_twice_is_refused():
+    """Its second run took the place of the first, under another name of its file."""
+    with pytest.raises(InputError, match=r"StormerVerlet\(\) is among the integrators twice; give each method once"):
+        pair(integrators=["stormer-verlet", orbits.StormerVerlet()])
+
+
 def test_a_single_check_need_not_be_in_a_list(tmp_path):
     outcome = perform(pair(checks=lambda outcome: Check("pigs fly", False, "0 of 3")), out=tmp_path, plot=False)
     assert outcome.failures == ("pigs fly: 0 of 3",)
