@@ -42,8 +42,8 @@ def ensemble(
         bool | None,
         typer.Option(
             "--approaches/--no-approaches",
-            help="Whether the table has the closest approach of each member, as by default. The search for it takes 10 "
-            "to 50 % of the time of particles in a map.",
+            help="Whether the table has the closest approach of each member, as by default. The search for it takes "
+            "some 5 % of the time of particles in a map.",
             metavar="",
         ),
     ] = None,

@@ -41,7 +41,8 @@ class Progress:
 
     blocks, done, failed : numbers of blocks: all, those that are done, and those of which nothing could be integrated
     members, members_done : all members, and those of blocks that are done
-    survivors : members that were integrated to the end;  seconds : of work of all workers so far
+    survivors : members that were integrated to the end, or to where an event or a condition stopped them
+    seconds : of work of all workers so far
     members_failed : members that could not be integrated, of failed blocks and of blocks that are done
     """
 
@@ -157,10 +158,12 @@ class Campaign:
             (members, bodies), in the order of meta["bodies"], those of the first member, and then of bodies of other
             names; NaN for the most massive one and those that are not there
         closest, closest_to, closest_at : the closest approach to another body than the one that dominates the system,
-            with 90 % of its mass, if one does, and its time; infinity if none came near. Of systems that of the two
-            bodies that came closest. Not if the plan has approaches=False
-        megno, unresolved_at : if asked for; and when the first passage was that its method cannot follow
-        energy_error : of systems, the largest relative deviation at the samples
+            with 90 % of its mass, if one does, and its time; infinity if none came near, NaN if bodies with mass
+            merge, bounce or are changed. Of systems that of the two bodies that came closest. Not if the plan has
+            approaches=False
+        megno, unresolved_at : if asked for; NaN for lost particles and where bodies with mass merge, bounce or are
+            changed; and when the first passage was that its method cannot follow
+        energy_error : of systems, the largest relative deviation at the samples, with what mergers and bounces took
         """
         from astropy.table import QTable
 

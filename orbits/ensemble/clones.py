@@ -16,7 +16,7 @@ from orbits.errors import InputError, shown
 from orbits.propagation.variations.deviations import warn_of_range
 from orbits.results.covariance import Covariance, decomposed, in_units_of
 from orbits.system import System
-from orbits.system.new_bodies import primary_name
+from orbits.system.new_bodies import JACOBI, centre_of_several, primary_name
 
 Floats = NDArray[np.float64]
 
@@ -88,9 +88,16 @@ def clones(
         around = primary_name(others.names, others.values.gm, primary)
         frame = system.frame if frame is None else frame
         own = _elements(system, name, elements, around, frame, deviations)
-        placed = others.add(names, primary=around, frame=frame, gm=gm, **own) if gm else None
-        placed = placed or others.add(names, primary=around, frame=frame, **own)
-        q, v = placed.values.q[len(others) :].copy(), placed.values.v[len(others) :].copy()
+        centre = centre_of_several(others.names, around)
+        before = system.remove(*system.names[place:]) if centre == JACOBI else others
+        if gm and centre is not None:  # each beside the other bodies alone, whose centre of mass it moves
+            points = [{key: value[k] for key, value in own.items()} for k in range(len(names))]
+            placed = [before.add(name, primary=around, frame=frame, gm=gm, **one).values for one in points]
+            q, v = np.array([one.q[-1] for one in placed]), np.array([one.v[-1] for one in placed])
+        else:
+            mass = {"gm": gm} if gm else {}
+            values = before.add(names, primary=around, frame=frame, **mass, **own).values
+            q, v = values.q[len(before) :].copy(), values.v[len(before) :].copy()
         q[0], v[0] = system.values.q[place], system.values.v[place]
     if gm == 0.0:
         assert others is not None  # a system has at least one massive body
@@ -133,8 +140,13 @@ def _elements(
     for k, (key, unit) in enumerate(units.items()):
         if key not in known:
             raise InputError(f"there is no element {shown(key)}; expected some of {', '.join(known)}.")
-        unit = u.dimensionless_unscaled if unit == 1 else u.Unit(unit)
-        value = getattr(found, key).to(unit, u.dimensionless_angles())
+        value = getattr(found, key)
+        try:
+            unit = u.dimensionless_unscaled if unit == 1 else u.Unit(unit)
+            value = value.to(unit, u.dimensionless_angles())
+        except (TypeError, ValueError) as error:
+            kind = str(value.unit) or "1, for none"
+            raise InputError(f"the unit of {key} is {shown(unit)}; expected one such as {kind}.") from error
         own[key] = value + u.Quantity(deviations[:, k], unit)
     return own
 

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 AT_END = 1e-9
 """Of the time of the end: how near to it a closest approach is no minimum, but the end of the run."""
 
+AT_SURFACE = 1e-6
+"""Of the radius: how far above the surface a clone that merged with a planet may be, by round-off of its place."""
+
 
 def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chance:
     """Return which part of the clones of a campaign comes to a planet closer than its radius, and how sure that is.
@@ -36,10 +39,11 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
         print(orbits.ensemble.impact_probability(campaign, "Earth", radius=6378.137 * u.km))
 
     radius : of the planet, as a point mass attracts: what comes closer to the centre hits
-    A clone that is lost within the planet, where no step is short enough for a point mass, hits, if the campaign keeps
-    trajectories; without them it is not known of clones that came relatively closer to another body whether they hit.
-    The nominal orbit, which is the first member, does not count, nor do clones that failed, or were lost elsewhere: a
-    warning says how many, how many still come nearer at the end, and of how many the campaign does not tell.
+    A clone that is lost within the planet, where no step is short enough for a point mass, or merges with it at its
+    surface, hits, if the campaign keeps trajectories; without them it is not known of clones that came relatively
+    closer to another body whether they hit. The nominal orbit, which is the first member, does not count, nor do
+    clones that failed, were stopped before the end, or lost elsewhere: a warning says how many, how many still come
+    nearer at the end, and of how many the campaign does not tell.
     `TargetPlane.clones_needed` says how many clones an error needs. Raises InputError for a campaign of systems, one
     that is not finished or did not look for approaches, and a radius that is no length, or, if the campaign keeps
     trajectories, larger than the distance within which approaches are recorded; UnknownNameError for a planet that is
@@ -69,10 +73,11 @@ def impact_probability(campaign: Campaign, planet: str, *, radius: Any) -> Chanc
         )
     hit = near & (summary["closest"].value[1:] < most)
     for k in np.flatnonzero((state == LOST) & ~hit).tolist():
-        hit[k] = _is_lost_within(campaign, k + 1, planet, most * summary["closest"].unit)
+        hit[k] = _is_lost_within(campaign, k + 1, planet, most)
     beside, coming, untold = _closer_to_others(campaign, summary, planet, most)[:, 1:]
     hit |= beside
-    counts = hit | (state == SURVIVED)
+    to_the_end = (state == SURVIVED) & (np.asarray(summary["reason"])[1:] == "")
+    counts = hit | to_the_end
     nearer = coming | (near & _at_the_end(summary)[1:])
     _warn(planet, int((~counts).sum()), int((counts & ~hit & nearer).sum()))
     others = np.asarray(summary["closest_to"])[1:][counts & ~hit & untold].tolist()
@@ -96,7 +101,7 @@ def _closer_to_others(campaign: Campaign, summary: Any, planet: str, most: float
         try:
             run = campaign.run(int(members[0]))
         except ArchiveError:
-            found[2, members] = to[members] != ""
+            found[2, members] = (to[members] != "") | np.isnan(closest[members])  # NaN: bodies with mass merged, say
             continue
         try:
             seen = seen_by(run)
@@ -135,14 +140,19 @@ def _followed(run: Trajectory, seen: Seen, planet: str, most: float, names: Sequ
     return np.array([hit, nearer, np.full(len(rows), seen.dominant < 0 or seen.left_out != 0)])
 
 
-def _is_lost_within(campaign: Campaign, member: int, planet: str, radius: u.Quantity) -> bool:
-    """Return whether the last state of a lost clone is in a planet; False if the campaign keeps no trajectories."""
+def _is_lost_within(campaign: Campaign, member: int, planet: str, radius: float) -> bool:
+    """Return whether the last state of a lost clone is in a planet or at its surface; False if the campaign keeps no
+    trajectories.
+    """
     try:
         run = campaign.run(member)
     except ArchiveError:
         return False
     lost = run.retired[campaign.names[member]]
-    return bool(np.linalg.norm(lost.q - run.at(lost.time)[planet].q) < radius)
+    state = run.at(lost.time)
+    if planet not in state:  # it merged with another body before
+        return False
+    return bool(np.linalg.norm((lost.q - state[planet].q).value) < radius * (1.0 + AT_SURFACE))
 
 
 def _at_the_end(summary: Any) -> Any:
@@ -153,7 +163,8 @@ def _at_the_end(summary: Any) -> Any:
 
 def _warn(planet: str, unknown: int, nearer: int) -> None:
     if unknown:
-        Finding(f"{counted(unknown, 'clone')} failed or were lost before the end, and do not count.").warn()
+        who = counted(unknown, "clone")
+        Finding(f"{who} failed, were lost or stopped before the end, and do not count.").warn()
     if nearer:
         Finding(
             f"{counted(nearer, 'clone')} still come nearer to {planet} at the end of the campaign, and may hit later; "

@@ -310,14 +310,16 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
         the same for all members
 
     Members are named by their values, "a=2.5 AU e=0.1". The last axis varies fastest. Raises InputError for a grid
-    without an axis, or with an empty one; for a `System` as `System.add` does.
+    without an axis, with an empty one, or with values that are neither numbers, texts nor truth values; for a `System`
+    as `System.add` does.
     """
-    axes = {name: values for name, values in given.items() if not isinstance(values, str) and _shape(name, values)}
+    given = {name: _as_array(name, values) for name, values in given.items()}
+    axes = {name: values for name, values in given.items() if not isinstance(values, str) and np.ndim(values)}
     for name in filter(OF_TABLE.fullmatch, given):
         raise InputError(f"{name!r} is a column of the table of a campaign; expected another name of the parameter.")
     for name, values in axes.items():
-        if np.ndim(values) != 1 or not len(values):
-            raise InputError(f"{name} has shape {np.shape(values)}; expected the values of an axis, (m,), one or more.")
+        if values.ndim != 1 or not len(values):
+            raise InputError(f"{name} has shape {values.shape}; expected the values of an axis, (m,), one or more.")
     if not axes:
         raise InputError("the grid has no axes; expected values by name, such as e=np.linspace(0, 0.5, 50).")
     shape = [len(values) for values in axes.values()]
@@ -325,18 +327,19 @@ def grid(what: System | Callable[..., System], **given: Any) -> Ensemble:
         raise InputError(f"the grid has {math.prod(shape):.3g} points; at most {MOST:.0e} are possible.")
     fixed = {name: value for name, value in given.items() if name not in axes}
     places = np.unravel_index(np.arange(math.prod(shape)), shape)
-    columns = {name: _at(values, k) for (name, values), k in zip(axes.items(), places, strict=True)}
-    known = {name: value for name, value in axes.items() if not isinstance(value, list | tuple)}
-    known = {name: known.get(name, np.asarray(value)) for name, value in axes.items()}
+    columns = {name: values[k] for (name, values), k in zip(axes.items(), places, strict=True)}
     texts = [[f"{name}={text}" for text in _texts(values)] for name, values in axes.items()]
     names = [" ".join(point) for point in itertools.product(*texts)]
     if isinstance(what, System):
         whole = what.add(names, **columns, **fixed)
-        return among(what, whole, np.arange(len(what), len(whole)), columns=columns, axes=known)
+        return among(what, whole, np.arange(len(what), len(whole)), columns=columns, axes=axes)
     if not callable(what):
         raise InputError(f"{shown(what)} is neither a System nor a function that makes one.")
     columns |= {name: _constant(value, len(names)) for name, value in fixed.items()}
-    return Made(names, "systems", columns=columns, axes=known, make=what)
+    for name in (name for name, values in columns.items() if values.dtype.kind == "O"):
+        expected = "expected numbers, texts or truth values, of which the function makes other things"
+        raise InputError(f"{name} is {shown(given[name])}; {expected}.")
+    return Made(names, "systems", columns=columns, axes=axes, make=what)
 
 
 def _texts(values: Any) -> list[str]:
@@ -374,19 +377,16 @@ def described(system: System) -> str:
     return f"System({in_words(system)}), {digest(chr(10).join(system.names), gm, q, v, radii, epoch, acting)}"
 
 
-def _shape(name: str, values: Any) -> tuple[int, ...]:
+def _as_array(name: str, values: Any) -> Any:
+    """Return an argument of a grid; several values as an array, or as a quantity if they are quantities."""
     try:
-        return np.shape(values)
+        if isinstance(values, list | tuple) and any(isinstance(value, u.Quantity) for value in values):
+            return u.Quantity(values)
+        several = not isinstance(values, str | u.Quantity) and np.shape(values)
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name} is {shown(values)}; expected one value, or those of an axis, (m,).") from error
-
-
-def _at(values: Any, places: NDArray[np.intp]) -> Any:
-    if isinstance(values, u.Quantity | np.ndarray):
-        return values[places]
-    if any(isinstance(value, u.Quantity) for value in values):
-        return u.Quantity(values)[places]
-    return np.asarray(values)[places]
+        expected = "expected one value, or those of an axis, (m,), in units of one kind"
+        raise InputError(f"{name} is {shown(values)}; {expected}.") from error
+    return np.asarray(values) if several else values
 
 
 def _constant(value: Any, count: int) -> Any:

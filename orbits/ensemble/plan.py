@@ -109,10 +109,14 @@ class Plan:
             object.__setattr__(self, name, value)
 
     def changed(self, **options: Any) -> Plan:
-        """Return this plan with some options changed; None leaves one as it is."""
-        now = {name: getattr(self, name) for name in ("integrator", "megno", "trajectories", "block")}
-        given = {name: value for name, value in options.items() if value is not None}
-        return Plan(self.ensemble, **{**now, **self.options, **given})
+        """Return this plan with some options changed; None leaves one as it is. A duration takes the place of until,
+        and until that of a duration.
+        """
+        own = {name: getattr(self, name) for name in ("integrator", "megno", "trajectories", "block")}
+        now, given = own | dict(self.options), {name: value for name, value in options.items() if value is not None}
+        if {"duration", "until"} & set(given):
+            now = {name: value for name, value in now.items() if name not in ("duration", "until")}
+        return Plan(self.ensemble, **{**now, **given})
 
     def grid(self, system: System) -> TimeGrid:
         """Return the steps and samples of a system."""

@@ -101,8 +101,11 @@ def run(
     campaign so far as `.trajectory`: the same call goes on.
     """
     if isinstance(ensemble, Plan):
-        given = [*options, *["integrator"] * (integrator is not None), *["block"] * (block is not None)]
-        if given:
+        asked = {
+            "integrator": integrator is not None, "block": block is not None,
+            "megno": megno is not False, "trajectories": trajectories is not True,
+        }  # fmt: skip
+        if given := [*options, *(name for name, here in asked.items() if here)]:
             raise InputError(f"a Plan has its own {given[0]}; change it by plan.changed({given[0]}=...).")
         plan = ensemble
     else:
@@ -243,7 +246,7 @@ def _about(plan: Plan, folder: Path) -> tuple[dict[str, Any], int]:
     if plan.block is None and (folder / ABOUT).exists():
         block = int(Store.opened(folder).about["block"])  # the same, whatever is chosen by later versions
     steps = f"dt = {grid.dt:g} {units.time}".rstrip() if grid.h == grid.h else "steps chosen one by one"
-    span = f"{abs(grid.end):g} {units.time}".rstrip()
+    span = f"{grid.end:g} {units.time}".rstrip()
     about = {
         "format": FORMAT,
         "title": f"{len(ensemble):,} {ensemble.kind}, {plan.integrator.label}, {steps}, {span}",

@@ -129,7 +129,8 @@ def _extremes(run: Trajectory) -> Columns:
 
 def _approaches(run: Trajectory) -> Columns:
     """Return the closest approach of each body to one other than the dominant one, (bodies,): distance, the other body,
-    time; infinity if there was none, and for the dominant one. Nothing if the run did not look for them.
+    time; infinity if there was none, and for the dominant one; NaN if massive bodies change. Nothing if the run did not
+    look for them.
 
     They are as they were recorded during the march, from the two-body orbit within the step: over a century of
     near-Earth asteroids by WisdomHolman and Gauss to 1e-6 of the distance, 2e-3 at worst. To march through them again,
@@ -144,7 +145,7 @@ def _approaches(run: Trajectory) -> Columns:
     try:
         seen = seen_by(run)
     except OrbitsError:  # massive bodies merged, or there are samples only
-        return out
+        return out | {"closest": np.full(count, np.nan)}
     if not seen.looked:
         return {}
     numbers = {body: int(k) for body, k in enumerate(seen.closest[:, 1]) if k >= 0 and body != seen.dominant}
@@ -167,11 +168,13 @@ def _closest_pair(run: Trajectory) -> dict[str, Any]:
 
 
 def _energy(run: Trajectory) -> dict[str, Any]:
-    """Return the largest relative deviation of the energy at the samples, where the energy is conserved."""
+    """Return the largest relative deviation of the energy at the samples, where the energy is conserved, with what
+    mergers and bounces took.
+    """
     if run.system.forces or not len(run):
         return {}
     try:
-        energy = run.energy().value
+        energy = (run.energy() + run.energy_lost()).value
     except OrbitsError:
         return {}
     return {"energy_error": float(np.nanmax(np.abs(energy / energy[0] - 1.0))) if energy[0] else np.nan}

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from orbits.ensemble.members import Ensemble
-from orbits.ensemble.summaries import SURVIVED, Columns, of_particles, of_systems, units_of_table
+from orbits.ensemble.summaries import LOST, SURVIVED, Columns, of_particles, of_systems, units_of_table
 from orbits.errors import InputError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
 from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
@@ -231,7 +231,9 @@ def _worked(
         else:
             columns = of_systems([runs.get(k) for k in range(len(task.part))], reasons, task.bodies)
         if task.megno is not None:
-            columns |= _megno(task, made, reasons, asked)
+            changed = {k for k, run in runs.items() if run.changes is not None and run.changes.begin_legs}
+            columns |= _megno(task, {k: made[k] for k in made.keys() - reasons.keys() - changed}, asked)
+            columns["megno"][columns["state"] == LOST] = np.nan
         bits = _bits(list(runs.values()), columns)
     finally:
         for run in runs.values():
@@ -339,14 +341,12 @@ def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:
     return TimeGrid.of(system, options.get("dt"), **known)
 
 
-def _megno(task: Task, made: Mapping[int, System], reasons: Mapping[int, str], asked: Callable[[], str]) -> Columns:
-    """Return MEGNO of the members at the end, and when each first had a passage that the method cannot follow."""
+def _megno(task: Task, made: Mapping[int, System], asked: Callable[[], str]) -> Columns:
+    """Return MEGNO of these members at the end, and when each first had a passage that the method cannot follow."""
     assert task.megno is not None
     known = {name: task.options[name] for name in ("dt", "duration", "until") if name in task.options}
     values, passages = np.full((2, len(task.part)), np.nan)
     for k, system in made.items():
-        if k in reasons:
-            continue
         _go_on(asked)
         samples = [_grid(system, task.options).end]
         try:

@@ -175,6 +175,9 @@ class Scenario:
             integrators = tuple(named(method) for method in given)
         except InputError as error:
             raise type(error)(f"scenario {self.name!r}: {error}") from None
+        labels = [method.label for method in integrators]
+        for label in (label for k, label in enumerate(labels) if label in labels[:k]):
+            raise InputError(f"scenario {self.name!r}: {label} is among the integrators twice; give each method once.")
         whole_number(self.samples, f"scenario {self.name!r}: samples (both ends included)", least=2)
         checked_choice(self.approaches, f"scenario {self.name!r}: approaches")
         if not isinstance(self.tolerances, Mapping) or not all(isinstance(key, str) for key in self.tolerances):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -145,8 +145,12 @@ def _performed(
         cases[name] = CaseOutcome(name, system, found, report)
     outcome = Outcome(scenario=scenario, folder=folder, cases=cases)
     with located():
-        checks = tuple(scenario.checks(outcome)) if scenario.checks is not None else ()
-    _require_checks(scenario.name, checks)
+        given = () if scenario.checks is None else scenario.checks(outcome)
+        checks = tuple(given) if isinstance(given, Iterable) else (given,)
+    for check in checks:
+        if not isinstance(check, Check):
+            wanted = "checks must yield orbits.scenarios.Check values"
+            raise InputError(f"scenario {scenario.name!r}: {wanted}, got {shown(check)}.")
     outcome = replace(outcome, checks=checks)
     files, complaints = [*runs.archives.values()], [*runs.failures]
     if plot:
@@ -216,7 +220,6 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
         result = study.experiment(say, *more)
     if not isinstance(result, StudyResult):
         raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {shown(result)}.")
-    _require_checks(study.name, result.checks)
     files: list[Path] = []
     complaints: list[str] = []
     if plot and result.figures:
@@ -234,12 +237,6 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
     if parts is not None:
         parts.remove()
     return outcome
-
-
-def _require_checks(name: str, checks: Sequence[Any]) -> None:
-    for check in checks:
-        if not isinstance(check, Check):
-            raise InputError(f"scenario {name!r}: checks must yield orbits.scenarios.Check values, got {shown(check)}.")
 
 
 def _comparison(scenario: Scenario, system: System, grid: TimeGrid) -> Asked | None:
@@ -306,6 +303,8 @@ def _saved(figures: Mapping[str, Any], folder: Path) -> list[Path]:
     for name, figure in figures.items():
         if not hasattr(figure, "savefig"):
             raise InputError(f"draw gave {figure!r} as {name!r}; expected a matplotlib Figure, or several by name.")
+        if Path(str(name)).name != str(name):
+            raise InputError(f"draw called a figure {shown(name)}; expected a name without a folder: it names a file.")
     paths = []
     for name, figure in figures.items():
         paths.append(replaceable(folder / f"{name}.png"))

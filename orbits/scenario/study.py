@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -29,6 +29,8 @@ class Table:
     rows: Sequence[Sequence[Any]]
 
     def __post_init__(self) -> None:
+        for name in ("columns", "rows"):
+            object.__setattr__(self, name, list(getattr(self, name)))
         for row in self.rows:
             if len(row) != len(self.columns):
                 raise InputError(
@@ -60,12 +62,23 @@ class StudyResult:
     checks : the requirements, with measured values
     figures : functions that make matplotlib Figures, by file name; called only if pictures are drawn
     record : further values for report.json
+
+    Raises InputError for tables and checks of another kind.
     """
 
     tables: Sequence[Table] = ()
     checks: Sequence[Check] = ()
     figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
     record: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name, kind in (("tables", Table), ("checks", Check)):
+            given = getattr(self, name)
+            listed = tuple(given) if isinstance(given, Iterable) else (given,)
+            object.__setattr__(self, name, listed)
+            for one in listed:
+                if not isinstance(one, kind):
+                    raise InputError(f"{name} must be orbits.scenarios.{kind.__name__} values, got {shown(one)}.")
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables)

@@ -80,9 +80,9 @@ def labelled_run(
 
     over : GM and radii at each time, (n, bodies), if they change
     """
-    pick = chosen(system.names, bodies)
     units = system.units
     start = labelled_state(system, bodies)
+    pick = chosen(system.names, None if bodies is None else start.names)  # an iterator gives its names once
     variables = {key: start.variables[key] for key in ("gm", "radius") if key in start.variables}
     if over is not None:
         changing = zip(("gm", "radius"), over, strict=True)

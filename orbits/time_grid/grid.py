@@ -182,8 +182,9 @@ class TimeGrid:
             raise InputError(f"until = {target:g} cannot be reached{steps}; give a nearer time")
         if (target - end) * self.direction < 0.0:
             ended = with_unit(f"{end:g}", system.units.time)
+            expected = "a later time" if self.direction > 0 else "an earlier one, as the run goes backwards in time"
             raise InputError(
-                f"until = {target:g} lies before the end of the run, {ended}; expected a later time. States before the "
+                f"until = {target:g} lies before the end of the run, {ended}; expected {expected}. States before the "
                 "end are those of run.at(times)"
             )
         if target == end:

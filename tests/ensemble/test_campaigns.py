@@ -371,6 +371,13 @@ def test_wrong_arguments_are_refused_before_there_is_a_folder(tmp_path, changes,
     assert not (tmp_path / "c").exists()
 
 
+@pytest.mark.parametrize("given", [{"megno": True}, {"trajectories": False}, {"block": 4}, {"samples": 3}])
+def test_what_a_plan_has_is_not_given_beside_it(tmp_path, given):
+    plan = ensemble.Plan(belt(20), **{name: value for name, value in OPTIONS.items() if name != "progress"})
+    with pytest.raises(InputError, match=f"a Plan has its own {next(iter(given))}; change it by plan.changed"):
+        ensemble.run(plan, tmp_path / "c", **given)
+
+
 def test_other_arguments_are_answered_with_a_hint(tmp_path):
     with pytest.raises(UnknownNameError, match=r"no argument 'n_jobs': threads"):
         ensemble.run(belt(20), tmp_path / "c", n_jobs=2, **OPTIONS)
@@ -484,6 +491,41 @@ def test_the_closest_approach_of_a_system_is_that_of_two_others_than_the_one_tha
     # As recorded, from the two-body orbit within the step.
     np.testing.assert_allclose(table["closest"][0].to_value(u.au), nearest.distance.to_value(u.au), rtol=2e-3)
     assert table["closest"][1].value == np.inf
+
+
+def meeting(turn):
+    """Two planets, which merge at t = 7.6 if `turn` is 1."""
+    a = {"a": 1.0, "e": 0.1, "gm": 1e-3, "radius": 0.05}
+    b = {"a": 1.1, "e": 0.1, "gm": 2e-3, "radius": 0.05, "l": turn, "pomega": 3.0}
+    star = {"gm": 1.0, "radius": 0.05}
+    return orbits.System.from_elements({"star": star, "a": a, "b": b}, units=orbits.DIMENSIONLESS)
+
+
+MERGING = {"duration": 20.0, "integrator": "gauss", "progress": False,
+           "events": [orbits.events.Collision(then=orbits.events.Merge())]}  # fmt: skip
+
+
+def test_the_table_of_systems_that_merge_has_the_error_of_the_energy_and_does_not_say_that_nothing_came_near(tmp_path):
+    """The energy that a merger takes, a hundredth here, is no error; closest approaches of such runs are not known."""
+    campaign = ensemble.run(ensemble.systems([meeting(1.0), meeting(4.0)]), tmp_path / "c", samples=11, **MERGING)
+    assert [len(campaign.run(k).legs) for k in range(2)] == [2, 1]
+    assert campaign.run(0).energy_lost()[-1].value > 1e-6
+    table = campaign.summary
+    assert (table["energy_error"] < 2e-15).all()  # round-off
+    assert np.isnan(table["closest"][0])
+    assert np.isfinite(table["closest"][1])
+    assert list(table["closest_to"]) == ["", "a, b"]
+
+
+def test_megno_is_nan_of_particles_that_merged_and_where_planets_merge(tmp_path):
+    """Tangent vectors know no mergers: they would be those of bodies that pass through each other."""
+    how = {**MERGING, "dt": 0.05, "megno": True, "integrator": "stormer-verlet", "check_step": False}
+    merged = ensemble.run(ensemble.systems([meeting(1.0), meeting(4.0)]), tmp_path / "systems", **how)
+    np.testing.assert_array_equal(np.isnan(merged.summary["megno"]), [True, False])
+    planets = meeting(4.0).add(["falls", "far"], primary="star", a=[2.5, 3.0], e=[0.99, 0.0], M=3.0)
+    lost = ensemble.run(ensemble.particles(planets, planets), tmp_path / "particles", **how)
+    assert list(lost.summary["state"]) == ["lost", "survived"]
+    np.testing.assert_array_equal(np.isnan(lost.summary["megno"]), [True, False])
 
 
 def test_a_grid_of_systems_has_the_bits_of_a_list_of_them(tmp_path):

@@ -57,6 +57,14 @@ def test_options_change_the_plan(tmp_path):
     assert not list((tmp_path / "c").glob("*.h5"))
 
 
+def test_a_duration_takes_the_place_of_the_end_of_a_plan_and_has_its_direction(tmp_path):
+    (tmp_path / "belt.py").write_text(PLAN.replace("duration=", "until=").format(duration="2032-08-09"))
+    options = ["--duration", "-1 yr", "--table-only", "--json"]
+    done = orbits_("ensemble", tmp_path / "belt.py", "--out", tmp_path / "c", *options)
+    assert done.exit_code == 0, done.output
+    assert "dt = 30 d, -365.25 d" in json.loads(done.stdout)["made_by"]
+
+
 def test_the_particles_of_a_scenario_are_members(tmp_path):
     done = orbits_("ensemble", "asteroid_belt", "--out", tmp_path / "c", "--duration", "30 d", "--samples", 2, "--json")
     assert done.exit_code == 0, done.output

@@ -57,6 +57,22 @@ def test_clones_of_elements_have_their_covariance():
     np.testing.assert_allclose(own.std(axis=1), sigma, rtol=0.05)  # four standard errors of 4,000 draws
 
 
+@pytest.mark.parametrize("primary", ["Sun", "jacobi", "barycentre"])
+@pytest.mark.parametrize("mass", [0.0, 1e-4])
+def test_clones_of_elements_about_a_centre_of_mass_are_near_a_body_that_is_not_the_last_one(primary, mass):
+    """The centre is that of the body: of those before it, or of all with itself once."""
+    own = {"a": 2.5 * u.au, "e": 0.2, "inc": 0.1, "M": 1.0, "mass": mass * u.M_sun}
+    bodies = {"Sun": {"mass": 1 * u.M_sun}, "x": own, "Jupiter": {"a": 5.2 * u.au, "mass": 1 * u.M_jup}}
+    whole = orbits.System.from_elements(bodies, epoch="2026-01-01")
+    elements = {"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg}
+    C = 1e-24 * np.eye(6)
+    members = ensemble.clones(whole, "x", covariance=C, count=3, seed=1, elements=elements, primary=primary)
+    for k, name in enumerate(members.names):
+        one = members.part(k, k + 1).system()
+        place = one["x" if mass else name].q - whole["x"].q
+        assert abs(place.to_value(u.au)).max() < 1e-11  # q by some 1e-12 au, and T by as many days
+
+
 def test_clones_of_a_body_with_mass_are_systems():
     members = ensemble.clones(giants(), "Jupiter", covariance=COVARIANCE, count=3, seed=1)
     assert members.kind == "systems"
@@ -87,8 +103,27 @@ def test_unknown_bodies_and_elements_are_refused():
     wrong = {"e": 1, "q": u.au, "T": u.day, "Omega": u.deg, "omega": u.deg, "inclination": u.deg}
     with pytest.raises(InputError, match="no element 'inclination'; expected some of a, e"):
         ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, elements=wrong, primary="Sun")
+    for unit in ("foo", u.kg, None):
+        units = {"e": 1, "q": unit, "T": u.day, "Omega": u.deg, "omega": u.deg, "inc": u.deg}
+        with pytest.raises(InputError, match=r"the unit of q is .*; expected one such as AU"):
+            ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, elements=units, primary="Sun")
     with pytest.raises(InputError, match=r"say of which elements a matrix is; expected none .* a matrix of a state"):
         ensemble.clones(system(3), "p1", covariance=COVARIANCE, count=3, frame="ecliptic")
+
+
+def test_an_axis_may_be_a_list_of_quantities():
+    grid = ensemble.grid(giants(), primary="Sun", a=[2.0 * u.au, 2.5 * u.au], inc=[0.1 * u.rad, 90 * u.deg])
+    assert list(grid.names)[:2] == ["a=2 AU inc=0.1 rad", "a=2 AU inc=1.5708 rad"]
+    found = grid.part(0, 4).system().elements(primary="Sun")
+    np.testing.assert_allclose(found.a[-4:].value, [2, 2, 2.5, 2.5], rtol=1e-13)
+    with pytest.raises(InputError, match=r"a is \[.*\]; expected .* in units of one kind"):
+        ensemble.grid(giants(), primary="Sun", a=[2.0 * u.au, 2.5 * u.day])
+
+
+@pytest.mark.parametrize("value", [None, [None, 2], giants(), Time("2026-01-01"), {"a": 1}])
+def test_values_that_a_table_cannot_hold_are_refused_before_anything_is_integrated(value):
+    with pytest.raises(InputError, match=r"kind is .*; expected numbers, texts or truth values"):
+        ensemble.grid(lambda mass, kind: giants(), mass=[1e-3, 2e-3], kind=value)
 
 
 def test_a_grid_of_elements_is_made_of_particles_at_its_points():

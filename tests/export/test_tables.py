@@ -162,6 +162,15 @@ def test_some_bodies_can_be_chosen_in_any_order(run, system):
         system.to_table(["Sun", "Sun"])
 
 
+def test_names_of_bodies_may_come_from_an_iterator(run):
+    """The samples of no body were taken for the names of two."""
+    names = list(run.names[1:3])
+    table, frame, data = run.to_table(iter(names)), run.to_pandas(iter(names)), run.to_xarray(iter(names))
+    assert len(table) == len(frame) == 2 * len(run)
+    assert data["q"].shape == (len(run), 2, 3)
+    np.testing.assert_array_equal(data["q"].values, run.q[:, 1:3].value)
+
+
 def test_a_run_in_an_archive_is_not_read_before_it_is_used(archived, run, monkeypatch):
     monkeypatch.setattr("orbits.archive.samples.Samples._read", None)
     data = archived.to_xarray()

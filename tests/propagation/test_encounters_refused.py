@@ -176,7 +176,7 @@ def test_clones_that_hit_are_counted_and_those_of_which_it_is_not_known_are_told
     known["state"][1:3] = "failed"
     known["closest"][1:3] = np.inf * u.au
     monkeypatch.setattr(orbits.ensemble.Campaign, "summary", known)
-    with pytest.warns(OrbitsWarning, match="2 clones failed or were lost before the end, and do not count"):
+    with pytest.warns(OrbitsWarning, match="2 clones failed, were lost or stopped before the end, and do not"):
         assert orbits.ensemble.impact_probability(campaign, "Earth", radius=size)[3:] == (3, 3)
 
 
@@ -188,8 +188,59 @@ def test_clones_that_are_lost_at_the_centre_of_a_planet_hit_it(tmp_path: Path) -
     assert set(campaign.summary["state"][1:]) == {"lost"}
     assert orbits.ensemble.impact_probability(campaign, "Earth", radius=6378.137 * u.km)[3:] == (2, 2)
     without = orbits.ensemble.run(members, tmp_path / "no samples", duration=2 * u.day, trajectories=False, **how)
-    with pytest.warns(OrbitsWarning, match="2 clones failed or were lost before the end, and do not count"):
+    with pytest.warns(OrbitsWarning, match="2 clones failed, were lost or stopped before the end, and do not"):
         assert orbits.ensemble.impact_probability(without, "Earth", radius=6378.137 * u.km)[3:] == (0, 0)
+
+
+def pair_of_planets() -> orbits.System:
+    """Two planets that merge at t = 7.6, and a massless body that falls towards b before; without units."""
+    planets = {"a": {"a": 1.0, "e": 0.1, "gm": 1e-3, "radius": 0.05}}
+    planets["b"] = {"a": 1.1, "e": 0.1, "gm": 2e-3, "radius": 0.14, "l": 1.0, "pomega": 3.0}
+    system = orbits.System.from_elements({"star": {"gm": 1.0}, **planets}, units=orbits.DIMENSIONLESS)
+    b = system["b"]
+    return system.add("x", q=b.q.value + np.array([0.3, 0.1, 0.0]), v=b.v.value - np.array([0.24, 0.08, 0.0]))
+
+
+def test_clones_that_merge_with_a_planet_at_its_surface_hit_it_also_without_units(tmp_path: Path) -> None:
+    """They end at its radius up to round-off, on one side or the other."""
+    members = orbits.ensemble.clones(pair_of_planets(), "x", covariance=1e-4 * np.eye(6), count=20, seed=1)
+    how = {"workers": 1, "progress": False, "duration": 2.0}
+    through = orbits.ensemble.run(members, tmp_path / "through", **how)
+    assert orbits.ensemble.impact_probability(through, "b", radius=0.14)[3:] == (12, 20)
+    merging = orbits.events.Collision(then=orbits.events.Merge())
+    merged = orbits.ensemble.run(members, tmp_path / "merged", events=[merging], **how)
+    assert orbits.ensemble.impact_probability(merged, "b", radius=0.14)[3:] == (12, 20)
+
+
+def test_clones_among_planets_that_merge_are_told_where_no_trajectories_are_kept(tmp_path: Path) -> None:
+    system = pair_of_planets().remove("x").add("far", primary="star", a=3.0)
+    members = orbits.ensemble.clones(system, "far", covariance=1e-6 * np.eye(6), count=2, seed=1)
+    merging = orbits.events.Collision(then=orbits.events.Merge())
+    how = {"workers": 1, "progress": False, "duration": 20.0, "events": [merging], "trajectories": False}
+    campaign = orbits.ensemble.run(members, tmp_path / "c", **how)
+    with pytest.warns(OrbitsWarning, match="2 clones have no closest body; the campaign does not tell"):
+        orbits.ensemble.impact_probability(campaign, "b", radius=0.14)
+
+
+def test_clones_that_are_lost_when_a_planet_has_merged_do_not_hit_it(tmp_path: Path) -> None:
+    bodies = pair_of_planets().remove("x").replaced(radii=[0.3, 0.05, 0.14])
+    system = bodies.add("falls", primary="star", a=2.0, e=0.9, M=0.1)
+    members = orbits.ensemble.clones(system, "falls", covariance=1e-6 * np.eye(6), count=2, seed=1)
+    merging = orbits.events.Collision(then=orbits.events.Merge())
+    how = {"workers": 1, "progress": False, "duration": 20.0, "events": [merging]}
+    campaign = orbits.ensemble.run(members, tmp_path / "c", **how)
+    assert set(campaign.summary["state"]) == {"lost"}
+    with pytest.warns(OrbitsWarning, match="2 clones failed, were lost"):
+        assert orbits.ensemble.impact_probability(campaign, "a", radius=0.05)[3:] == (0, 0)
+
+
+def test_clones_whose_block_was_stopped_do_not_count_as_misses(tmp_path: Path) -> None:
+    members = orbits.ensemble.clones(pair_of_planets(), "x", covariance=1e-4 * np.eye(6), count=2, seed=1)
+    near = orbits.events.CloserThan(0.7, "a", "b")
+    how = {"workers": 1, "progress": False, "duration": 2.0, "stop": [near]}
+    campaign = orbits.ensemble.run(members, tmp_path / "c", **how)
+    with pytest.warns(OrbitsWarning, match="2 clones failed, were lost or stopped before the end, and do not"):
+        assert orbits.ensemble.impact_probability(campaign, "b", radius=0.14)[3:] == (0, 0)
 
 
 def test_clones_that_pass_another_body_more_closely_hit_a_moon_or_are_told(tmp_path: Path) -> None:

@@ -58,6 +58,12 @@ def test_an_extension_that_goes_back_names_the_end_without_a_gap(tmp_path: Any) 
         orbits.resume(tmp_path / "run.h5", until=1.0)
 
 
+def test_an_extension_of_a_run_backwards_in_time_is_earlier(tmp_path: Any) -> None:
+    orbits.propagate(PAIR, "gauss", dt=0.1, duration=-2.0, archive=tmp_path / "run.h5").close()
+    with pytest.raises(InputError, match="until = 4 lies before the end of the run, -2; expected an earlier one, as"):
+        orbits.resume(tmp_path / "run.h5", until=4.0)
+
+
 def test_a_unit_is_shown_if_there_is_one() -> None:
     assert (with_unit("2", "AU"), with_unit(2, ""), with_unit("2", orbits.DIMENSIONLESS.length)) == ("2 AU", "2", "2")
 

@@ -512,7 +512,10 @@ def test_a_method_that_fails_is_reported_and_the_others_are_judged(tmp_path, rec
     assert not [warning for warning in recwarn if warning.category is StepWarning]
 
 
-@pytest.mark.parametrize("wrong", [{"draw": lambda outcome: 3}, {"checks": lambda outcome: ["fine"]}])
+@pytest.mark.parametrize(
+    "wrong",
+    [{"draw": lambda outcome: 3}, {"checks": lambda outcome: ["fine"]}, {"checks": lambda outcome: None}],
+)
 def test_pictures_and_checks_of_another_kind_are_refused_in_words(tmp_path, wrong):
     try:
         message = " ".join(perform(pair(**wrong), out=tmp_path).failures)
@@ -531,6 +534,28 @@ def test_what_is_not_conserved_is_null_in_the_report_and_not_a_word_that_json_do
     report = json.loads((tmp_path / "report.json").read_text(), parse_constant=refused)
     (run,) = report["cases"][""]["runs"].values()
     assert run["largest_relative_change"]["centre_of_mass"] is None
+
+
+@pytest.mark.parametrize("name", ["planets/Mars", "../outside"])
+def test_a_figure_whose_name_leads_to_another_folder_is_a_failure(tmp_path, name):
+    from matplotlib.figure import Figure
+
+    folder = tmp_path / "results"
+    outcome = perform(pair(draw=lambda outcome: {name: Figure()}), out=folder)
+    assert outcome.failures == (f"draw called a figure {name!r}; expected a name without a folder: it names a file.",)
+    assert (folder / "report.json").exists()
+    assert list(tmp_path.iterdir()) == [folder]
+
+
+def test_a_method_that_is_given_twice_is_refused():
+    """Its second run took the place of the first, under another name of its file."""
+    with pytest.raises(InputError, match=r"StormerVerlet\(\) is among the integrators twice; give each method once"):
+        pair(integrators=["stormer-verlet", orbits.StormerVerlet()])
+
+
+def test_a_single_check_need_not_be_in_a_list(tmp_path):
+    outcome = perform(pair(checks=lambda outcome: Check("pigs fly", False, "0 of 3")), out=tmp_path, plot=False)
+    assert outcome.failures == ("pigs fly: 0 of 3",)
 
 
 def test_a_check_that_does_not_hold_is_a_failure(tmp_path):

@@ -44,6 +44,16 @@ def of(**result):
     return study(experiment=lambda say: StudyResult(**result))
 
 
+def test_checks_and_tables_of_a_study_may_be_yielded(tmp_path):
+    """They were gone when they were judged, and the study held."""
+    check = orbits.scenarios.Check("pigs fly", False, "0 of 3")
+    table = Table("Pigs", ["number", "flies"], ([k, "no"] for k in range(3)))
+    outcome = perform(of(checks=(one for one in [check]), tables=(one for one in [table])), out=tmp_path)
+    assert outcome.failures == ("pigs fly: 0 of 3",)
+    (told,) = json.loads((tmp_path / "report.json").read_text())["tables"]
+    assert told["rows"] == [[0, "no"], [1, "no"], [2, "no"]]
+
+
 @pytest.mark.parametrize("name", only(["discrete_kepler"], STUDIES))
 def test_each_bundled_study_gives_all_that_it_demands(name, tmp_path):
     scenario = load(name)
@@ -575,8 +585,11 @@ def test_a_study_that_cannot_be_is_refused_where_it_is_made(wrong, message):
     ("made", "message"),
     [
         (study(experiment=lambda say: 3), "must return a StudyResult"),
-        (of(checks=["fine"]), "must yield orbits.scenarios.Check"),
+        (of(checks=["fine"]), r"checks must be orbits\.scenarios\.Check values, got 'fine'"),
+        (of(checks=None), r"checks must be orbits\.scenarios\.Check values, got None"),
+        (of(tables=[["a", "b"]]), r"tables must be orbits\.scenarios\.Table values, got \['a', 'b'\]"),
         (of(record={"x": object()}), "hold text, numbers"),
+        (of(record={"x": 1 * u.m}), r"hold text, numbers.*; got <Quantity 1\. m>"),
         (study(experiment=lambda say: 1 / 0), r"test_studies.py, line \d+: ZeroDivisionError"),
         (study(experiment=lambda say: Table("t", ["a"], [[1, 2]])), "a row of 2"),
     ],
