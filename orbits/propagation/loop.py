@@ -32,7 +32,7 @@ from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.events.base import Sample
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.results.recording import observed_until
-from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end
+from orbits.propagation.resuming.marching_again import lost_by_the_end
 from orbits.propagation.resuming.sample_store import SampleStore
 from orbits.propagation.run_ends import ParticlesOfRun, RunEnds
 from orbits.system import System
@@ -238,7 +238,7 @@ def _result(run: Run, store: SampleStore, writer: ArchiveWriter | None, statisti
     if writer is not None:
         # From the file that was written, even if its path now refers to another one.
         path = str(writer.path) if writer.in_place else None
-        return of_archive(Trajectory, writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
+        return of_archive(Trajectory, writer.to_archive(), path=path, statistics=statistics)
     (q, v, accounts), grid = store.arrays(), run.grid
     return Trajectory(
         run.system,
@@ -249,7 +249,6 @@ def _result(run: Run, store: SampleStore, writer: ArchiveWriter | None, statisti
         integrator=run.integrator,
         statistics=statistics,
         complete=len(q) == len(grid) and (store.ended.finished or not grid.goes_on),
-        again=REPLAY,
         accounts=accounts,
         kept=None if store.steps is None else store.steps.kept,
     )

@@ -28,7 +28,6 @@ from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Run, march
 from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import differences, provenance
-from orbits.propagation.resuming.marching_again import REPLAY
 from orbits.propagation.resuming.sample_store import checkpoint_of, no_accounts
 from orbits.propagation.resuming.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.run_ends import Callback, RunEnds
@@ -150,7 +149,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         grid = old.grid if until is None else old.grid.extended(system, until)
         if old.committed == len(grid) and old.complete:
             old.release()
-            return of_archive(Trajectory, old, path=str(path), again=REPLAY)
+            return of_archive(Trajectory, old, path=str(path))
         check_span(system, grid)
         place = old.checkpoint(), old.committed
         marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)

@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 class MarchesAgain(Protocol):
-    """Integrates a run again. A `Trajectory` gets one from its maker; `orbits.propagation` implements it."""
+    """Integrates runs again, as `orbits.propagation` implements it."""
 
     def begun(self, run: Trajectory) -> March:
         """Return a march of the run from its initial state."""
@@ -71,8 +71,7 @@ class MarchedAgain:
     """The methods of `Trajectory` for states between its samples and for close approaches."""
 
     _marched_again_by: ClassVar[MarchesAgain | None] = None
-    """The default for trajectories that are opened or made by hand. `orbits.propagation`, an upper layer, sets it when
-    it is loaded, which `orbits.Trajectory` causes."""
+    """What `orbits.propagation`, an upper layer, sets when it is loaded, which `orbits.Trajectory` causes."""
 
     @property
     def _last_time(self) -> float:
@@ -295,13 +294,12 @@ class MarchedAgain:
         return write(run, path, **options)
 
     def _marches_again(self, what: str) -> MarchesAgain:
-        run: Trajectory = self  # type: ignore[assignment]
-        if run._again is None:
+        if self._marched_again_by is None:
             raise InputError(
                 f"{what} integrates the run again, which this trajectory cannot; expected a run of orbits.propagate or "
                 "orbits.Trajectory, or orbits.propagation imported before."
             )
-        return run._again
+        return self._marched_again_by
 
     def _require_method(self, what: str) -> None:
         run: Trajectory = self  # type: ignore[assignment]
