@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.checks import finite_number
 from orbits.errors import InputError
-from orbits.propagation.events.base import Action, Happening, Sought
+from orbits.propagation.events.base import Action, Sought
 
 if TYPE_CHECKING:
     from orbits.system import System
@@ -29,10 +29,6 @@ class OfTwo(Action):
                 f"{type(event).__name__}(then={self!r}): only bodies that collide can do that; expected "
                 f"orbits.events.Collision(then={self!r})."
             )
-
-    def act(self, happening: Happening) -> System | None:
-        """Raise NotImplementedError: the march of a run lets bodies collide."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -39,16 +39,13 @@ class AtDistance(Sought):
         super().__post_init__()
         object.__setattr__(self, "distance", a_distance(self.distance, f"{type(self).__name__}.distance"))
 
-    @staticmethod
-    def _words(distance: str) -> tuple[str | None, str | None]:
-        """Return what it is called where the distance of two bodies falls below this one, and rises above it."""
-        raise NotImplementedError
-
     def bound(self, system: System) -> list[Bound]:
         """Return the squared distance less that of the bound."""
         what, unit = type(self).__name__, system.units.length
         bound = float(system.units.length_value(self.distance, what))
-        pairs, words = pairs_of(system, self.body, self.other, what), self._words(with_unit(f"{bound:g}", unit))
+        pairs, least = pairs_of(system, self.body, self.other, what), with_unit(f"{bound:g}", unit)
+        closer = isinstance(self, CloserThan)
+        words = (f"closer than {least}", None) if closer else (None, f"farther than {least}")
         if self.then == STOP and self.body is not None and self.other is not None:
             self._check_start(system, pairs[0], bound)
         return [Distance(words, pairs, bound)]
@@ -82,11 +79,6 @@ class CloserThan(AtDistance):
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
-    @staticmethod
-    def _words(distance: str) -> tuple[str | None, str | None]:
-        """Return what it is called where the distance falls."""
-        return f"closer than {distance}", None
-
 
 @dataclass(frozen=True)
 class FartherThan(AtDistance):
@@ -102,11 +94,6 @@ class FartherThan(AtDistance):
     if they part at once. It stops as they part in the direction of the run; what is recorded is meant in time.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
-
-    @staticmethod
-    def _words(distance: str) -> tuple[str | None, str | None]:
-        """Return what it is called where the distance rises."""
-        return None, f"farther than {distance}"
 
 
 @dataclass(frozen=True)

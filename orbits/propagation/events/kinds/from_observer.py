@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import checked_flag
-from orbits.elements.frames import checked_frame
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.observing.line_of_sight import LineOfSight, arrived, line_of_sight
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole, dot
@@ -209,11 +208,6 @@ class Conjunction(Seen):
 
     frame: str | None = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.frame is not None:
-            checked_frame(self.frame)
-
     def bound(self, system: System) -> list[Bound]:
         """Return the sine of the difference of longitudes, times the distances from the axis."""
         word = type(self).__name__.lower()
@@ -277,11 +271,10 @@ class Transit(Seen):
                     "System(radii=...), or system.add(..., radius=...)."
                 )
         sign = 1.0 if word == "transit" else -1.0
-        outer, inner, least = ((1, 4), (2, 3), None)
         return [
-            Discs(tuple(f"{word}, contact {k}" for k in outer), sight, radii, sign, 1.0),
-            Discs(tuple(f"{word}, contact {k}" for k in inner), sight, radii, sign, -1.0),
-            Closest((least, f"{word}, closest"), sight, radii, sign),
+            Discs((f"{word}, contact 1", f"{word}, contact 4"), sight, radii, sign, 1.0),
+            Discs((f"{word}, contact 2", f"{word}, contact 3"), sight, radii, sign, -1.0),
+            Closest((None, f"{word}, closest"), sight, radii, sign),
         ]
 
 
