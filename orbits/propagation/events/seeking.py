@@ -163,13 +163,11 @@ class Seeking:
         earlier = self.before(marcher, passed.time, record=True)
         if earlier is not None:
             return earlier
-        number, column, time = passed
-        bound, columns = self.asked.bounds[number], np.array([column])
-        t, (q, v) = np.array([time]), (x[None] for x in marcher.state_after(time - marcher.time))
-        rising = bound.words[0] is None
-        self.of_bodies.add(self.of_bodies.rows_of(number, np.array([rising]), t, q, v, columns)[0], True)
-        self.of_bodies.log.pass_by(time)
-        return Found(number, column, rising, 0, time)
+        t, (q, v) = np.array([passed.time]), (x[None] for x in marcher.state_after(passed.time - marcher.time))
+        rising, columns = np.array([passed.rising]), np.array([passed.column])
+        self.of_bodies.add(self.of_bodies.rows_of(passed.number, rising, t, q, v, columns)[0], True)
+        self.of_bodies.log.pass_by(passed.time)
+        return passed
 
     def _after(self, marcher: Legs) -> Found | None:
         if not self.of_bodies:
