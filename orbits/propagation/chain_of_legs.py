@@ -201,7 +201,7 @@ class ChainOfLegs(March):
         if self._seeks and self._contacts is not None:
             self._contacts.follow_events()
         elif self._events.of_bodies.interrupts:
-            self._events.follow(self.bodies.now())
+            self._events.asked.follow(self.bodies.now())
 
     def _settle(self) -> None:
         """Go on with whole steps, once the part of a step with which a leg began is done."""

@@ -27,6 +27,7 @@ from orbits.marching.legs.march import March
 from orbits.marching.legs.problem import Ends, Problem
 from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions
+from orbits.propagation.events.log import EVENTS, PARTICLE_EVENTS
 from orbits.propagation.resuming.sample_store import ACCOUNTS
 from orbits.system import System
 from orbits.system.derived import derived
@@ -41,10 +42,6 @@ WORK = "change_work"
 
 PASSAGES = frozenset({"passages", "passage_counts"})
 """Arrays of a checkpoint that list the passages of a march."""
-
-
-EVENTS = frozenset({"events", "event_counts", "particle_events", "particle_event_counts"})
-"""Arrays of a checkpoint that list the events of a run."""
 
 RETIRED = frozenset({"retired"})
 """The array of a checkpoint that lists the retired particles."""
@@ -139,7 +136,7 @@ def restore(marcher: March, checkpoint: Mapping[str, NDArray[Any]], path: str | 
     Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    beside = {ACCOUNTS, ENDED, PACE, *EVENTS}
+    beside = {ACCOUNTS, ENDED, PACE, *EVENTS, *PARTICLE_EVENTS}
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name not in beside}
     for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:

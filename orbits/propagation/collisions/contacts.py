@@ -189,7 +189,7 @@ class Contacts:
         if found is not None:
             return Outcome(found)
         for row in done.found:
-            self._events.note(row)
+            self._events.of_bodies.add(row, True)
         if done.ends:
             return Outcome(ended=(done.found[-1], before))
         of.note(done.rows)

@@ -13,8 +13,8 @@ from orbits.trajectory.events import BROKEN, COLUMNS, MOST_EVENTS, NUMBER, OTHER
 
 Array = NDArray[np.float64]
 
-PARTICLES = "particle_events", "particle_event_counts"
-"""The arrays of a checkpoint with the events of massless bodies."""
+EVENTS, PARTICLE_EVENTS = ("events", "event_counts"), ("particle_events", "particle_event_counts")
+"""The arrays of a checkpoint with the events on the motion of the bodies with mass, and with those of massless ones."""
 
 
 class Log:
@@ -39,11 +39,6 @@ class Log:
         return self._rows[: self._count]
 
     @property
-    def known(self) -> bool:
-        """Whether there are events that may be found again: before a resume, or before one that acted."""
-        return self._last > -np.inf
-
-    @property
     def full(self) -> bool:
         """Whether there is no room for another row."""
         return self._count == MOST_EVENTS
@@ -57,9 +52,11 @@ class Log:
         """Take all events up to a time as known: they are in the list, and what acts has acted."""
         self._last = time * self._direction
 
-    def is_new(self, time: float, apart: float) -> bool:
-        """Return whether an event lies behind those that are known, by more than a time `apart`."""
-        return time * self._direction > self._last + apart
+    def are_new(self, times: Array, apart: float) -> NDArray[np.bool_]:
+        """Return which events lie behind those that are known, by more than a time `apart`: others, before a resume or
+        before one that acted, are found again.
+        """
+        return times * self._direction > self._last + apart
 
     def forget(self) -> None:
         """Take no events as known: none are found again."""
@@ -86,11 +83,7 @@ class Log:
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return the rows as arrays of a fixed shape."""
         firm = BROKEN if self.broken else self.firm
-        return dict(zip(("events", "event_counts"), padded_rows(self.rows, firm), strict=True))
-
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], functions: int, bodies: int, path: Any) -> None:
-        """Restore a checkpoint, for a march that goes on. Raises ArchiveError for an impossible one."""
-        self.take(_firm_rows(checkpoint, ("events", "event_counts"), functions, bodies, path))
+        return dict(zip(EVENTS, padded_rows(self.rows, firm), strict=True))
 
     def take(self, rows: Array) -> None:
         """Begin with rows that are known."""
@@ -124,14 +117,10 @@ def padded_rows(rows: Array, firm: int) -> tuple[Array, NDArray[np.int64]]:
     return padded, np.array([len(rows), firm], dtype=np.int64)
 
 
-def rows_of_particles(checkpoint: Mapping[str, NDArray[Any]], functions: int, bodies: int, path: Any) -> Array:
-    """Return the firm rows of the events of massless bodies. Raises ArchiveError for an impossible list."""
-    return _firm_rows(checkpoint, PARTICLES, functions, bodies, path)
-
-
-def _firm_rows(
+def firm_rows(
     checkpoint: Mapping[str, NDArray[Any]], names: tuple[str, str], functions: int, bodies: int, path: Any
 ) -> Array:
+    """Return the firm rows in two arrays of a checkpoint. Raises ArchiveError for an impossible list."""
     rows = rows_in(checkpoint, *names)
     firm = 0 if rows is None else int(checkpoint[names[1]][1])
     if firm == BROKEN:

@@ -264,8 +264,7 @@ class MotionSearch:
             order = order[[not self.log.has(row, apart) for row in rows[order]]]
         # The stretch to the end of a run may be far shorter than the step in which an event was found before.
         apart = max(SAME * float(abs(np.diff(times)).max()), ROUNDED * float(abs(times).max()))
-        if self.log.known:
-            order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
+        order = order[self.log.are_new(rows[order, TIME], apart)]
         acting = [k for k in order if self._of[int(rows[k, NUMBER])].interrupts]
         last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction
         # Behind it they would count as known.
