@@ -126,7 +126,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             compiled = time.perf_counter()
             pace = Pace.from_now(marcher.time) if writer is not None and writer.has(PACE) else None
             room = len(grid) - run.first
-            store = SampleStore(len(system.names), room, writer, run.accounts, run.steps, watch.events, pace)
+            store = SampleStore(len(system.names), room, writer, run.accounts, watch.events, run.steps, pace)
             if bar is None and run.heartbeat is not None:  # that of several runs is given together
                 bar = Beats(run.heartbeat, run, writer)
             elif bar is None:
@@ -218,7 +218,7 @@ def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:
     without a trajectory, and without warnings. Raises what a run that fails raises.
     """
     room = len(run.grid) - run.first
-    store = SampleStore(len(run.system.names), room, writer, run.accounts, events=run.watch.events)
+    store = SampleStore(len(run.system.names), room, writer, run.accounts, run.watch.events)
     try:
         run.marcher.compile()
         for _ in _sample(run, store, bar, stop, ParticlesOfRun(run)):

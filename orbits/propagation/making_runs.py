@@ -114,7 +114,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             system=system,
             integrator=integrators.describe(integrator),
             grid=grid,
-            checkpoint=checkpoint_of(marcher, accounts, seeking, pace=Pace()),
+            checkpoint=checkpoint_of(marcher, accounts, seeking, Pace()),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
             events=description_of(seeking),
@@ -159,7 +159,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         raise
 
     def begin() -> ArchiveWriter:
-        now, before = checkpoint_of(marcher, accounts, seeking, pace=Pace()), old.checkpoint()
+        now, before = checkpoint_of(marcher, accounts, seeking, Pace()), old.checkpoint()
         if until is None and now.keys() - {PACE} == before.keys() - {PACE}:
             return ArchiveWriter.going_on(old)
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.

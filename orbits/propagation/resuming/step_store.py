@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +33,7 @@ class StepStore:
     """Collects the states at the beginnings of the steps of a march, the first one included.
 
     marcher : at its start, or where an archived run is resumed; fresh : whether nothing is kept yet
-    in_memory : whether they stay in memory; else `pieces` are written to an archive, and then cleared
+    in_memory : whether they stay in memory; else what is `kept` is written to an archive, and then cleared
     """
 
     def __init__(self, marcher: Legs, *, fresh: bool = True, in_memory: bool) -> None:
@@ -56,14 +55,6 @@ class StepStore:
     def full(self) -> bool:
         """Whether they should be written to the archive."""
         return not self._in_memory and self.kept.nbytes >= PIECE_BYTES
-
-    def pieces(self) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield the times, q and v of those not yet written."""
-        return self.kept.pieces()
-
-    def written(self) -> None:
-        """Note that all were written to the archive."""
-        self.kept.clear()
 
 
 def check_memory(system: System, integrator: Integrator, grid: TimeGrid) -> None:
