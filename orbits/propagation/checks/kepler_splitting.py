@@ -165,18 +165,13 @@ def _particles_too_fast(system: System, integrator: Integrator, h: float, span: 
 
 def _particles_near_planets(system: System, integrator: Integrator) -> Iterator[Finding]:
     """Find massless particles that start within `HILL_RADII` of a planet: most have no passage to be seen by."""
-    values, sun = system.values, _dominant(system)
-    planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun], dtype=int)
-    rows = np.flatnonzero(~system.massive)
-    q, about = values.q[rows] - values.q[sun], values.q[planets] - values.q[sun]
-    where = near_a_planet(q, about, values.gm[planets], float(values.gm[sun]))
-    close = np.flatnonzero(where >= 0)
+    close, planets = start_near_planets(system)
     if not len(close):
         return
-    lines = []
-    for k in close[:SHOWN]:
-        row, planet = rows[k], planets[where[k]]
-        distance = in_digits(float(np.linalg.norm(values.q[row] - values.q[planet])), system.units.length)
+    lines, q = [], system.values.q
+    rows, heavy = np.flatnonzero(~system.massive)[close], np.flatnonzero(system.massive)[planets]
+    for row, planet in zip(rows[:SHOWN], heavy, strict=False):
+        distance = in_digits(float(np.linalg.norm(q[row] - q[planet])), system.units.length)
         lines.append(f"{system.names[row]} is {distance} from {system.names[planet]}")
     start, them = ("starts", "it") if len(close) == 1 else ("start", "them")
     yield Finding(
@@ -188,6 +183,19 @@ def _particles_near_planets(system: System, integrator: Integrator) -> Iterator[
         len(close) - SHOWN,
         remedy=f"Use {_following(integrator)}, or Gauss(stages=8) without dt.",
     )
+
+
+def start_near_planets(system: System) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the massless particles that start within `HILL_RADII` of a planet, by their numbers among these, and the
+    numbers of the planets among the massive bodies.
+    """
+    values, massive = system.values, system.massive
+    gm, x = values.gm[massive], values.q[massive]
+    sun = int(gm.argmax())
+    planets = np.delete(np.arange(len(gm)), sun)
+    found = near_a_planet(values.q[~massive] - x[sun], x[planets] - x[sun], gm[planets], float(gm[sun]))
+    inside = np.flatnonzero(found >= 0)
+    return inside, planets[found[inside]]
 
 
 def _following(integrator: Integrator) -> str:
