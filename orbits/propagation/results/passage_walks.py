@@ -13,6 +13,7 @@ from orbits.integrators.forms import padded
 from orbits.marching.clocks.step_times import Place
 from orbits.propagation.events.search.of_particles import with_light
 from orbits.propagation.marchers import bound, march_of
+from orbits.propagation.results.dense_output import state_of
 from orbits.system.model import continued, model, most_inner
 from orbits.trajectory.work import accounts_of
 
@@ -31,7 +32,7 @@ class Walk:
 
     def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
         system = trajectory.system
-        q, v, time = _state(trajectory, sample)
+        (q, v), time = state_of(trajectory, sample), 0.0 if sample < 0 else float(trajectory.times[sample])
         wanted = system.massive.copy()
         wanted[list(bodies)] = True
         self.bodies = np.flatnonzero(wanted)
@@ -204,11 +205,3 @@ def _share(force: Force, name: str) -> Hashable:
     values = (getattr(force, field) for field in force.per_body)
     k = list(force.bodies).index(name)
     return tuple(str(value[k]) for value in values if isinstance(value, tuple))
-
-
-def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
-    """Return q and v, (bodies, 3), and the time of a sample, or (-1) of the start of the run."""
-    if sample < 0:
-        return trajectory.system.values.q, trajectory.system.values.v, 0.0
-    q, v = trajectory._sample(sample)
-    return q, v, float(trajectory.times[sample])

@@ -48,7 +48,7 @@ class Replay(MarchesAgain):
         return state_at(run, t)
 
     def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
-        from orbits.propagation.results.earlier_states import states_before
+        from orbits.propagation.results.dense_output import states_before
 
         return states_before(run, times)
 
