@@ -154,7 +154,10 @@ def at_samples(
     exactly : at the sample, after a part of a step; otherwise after the last whole step before it
     """
     if isinstance(tangents, MapTangents):
-        yield from _at_samples_of_a_map(grid, tangents, exactly=exactly)
+        for sample, time in enumerate(grid.times.tolist()):
+            place = grid.place(sample)
+            tangents.advance(place)
+            yield (tangents.seen(place.rest), time) if exactly else (tangents, tangents.time)
         return
     march = bound(followed.system, integrator, grid.clock, threads=1, dense=True)
     for sample, time in enumerate(grid.times.tolist()):
@@ -168,12 +171,3 @@ def at_samples(
         for motion, _ in within_step.stretches(*within_step.towards(march.leg, time)):
             part.follow(motion)
         yield part, time
-
-
-def _at_samples_of_a_map(
-    grid: TimeGrid, tangents: MapTangents, *, exactly: bool
-) -> Iterator[tuple[MapTangents, float]]:
-    for sample, time in enumerate(grid.times.tolist()):
-        place = grid.place(sample)
-        tangents.advance(place)
-        yield (tangents.seen(place.rest), time) if exactly else (tangents, tangents.time)
