@@ -24,7 +24,6 @@ from orbits.kernels.search.record import QUANTITIES, REACH, enter_passage, note_
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.stepping.alignment import unwritten
-from orbits.marching.watching import kepler_passages
 from orbits.marching.watching.kepler_passages import HILL_RADII
 from orbits.marching.watching.passage_list import BlockList
 
@@ -68,7 +67,8 @@ def limits_of(integrator: Integrator, clock: Clock, sees_dominant: bool) -> tupl
     sees_dominant : whether all pericentres about the dominant body are to be seen, as particles may fall on it
     """
     if integrator.follows_kepler:
-        return kepler_passages.listed(integrator.least_steps)
+        # All flybys within the reach of a planet, and all pericentres that steps do not resolve.
+        return math.inf, 0.0, 2.0 * math.pi / integrator.least_steps
     if sees_dominant:
         return math.inf, 0.0, 0.0
     return clock.passage_limits or thresholds(integrator.order)
@@ -106,6 +106,7 @@ class Observers:
     contexts, lists : of the massive bodies, then of each task
     sees_path : whether all states of the next block are to be recorded
     records_all : whether all states of all blocks are
+    dominant : the body that dominates the others, or -1
     given : whether the motion of all massive bodies is given: approaches among these are not looked for
     """
 
@@ -128,7 +129,8 @@ class Observers:
         self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
         self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
         self._collide = radii is not None
-        self.dominant = self._dominant_body()
+        gm = parameters[1:]
+        self.dominant = int(gm.argmax()) if gm.max() > DOMINANT * gm.sum() else -1
         self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
         of_bodies = slice(0, 3 * len(massive))
         self._annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
@@ -307,17 +309,13 @@ class Observers:
         """
         return int(first_energy_error(self.contexts.addresses[0], self._parameters, steps, energy, bound))
 
-    def touched_first_in(self, step: int) -> bool:
-        """Return whether it is this step, of those just observed, counted from 1, in which two bodies may first have
-        touched.
+    def touching(self, step: int) -> NDArray[np.intp] | None:
+        """Return the particles, in the numbers of the caller, that may have touched a body in a step, of those just
+        observed, counted from 1; None unless it is the first one in which two bodies may have touched.
         """
-        return self._collide and int(self._touched.min()) == step
-
-    def touching(self, steps: int) -> NDArray[np.intp]:
-        """Return the particles, in the numbers of the caller, that may have touched a body in the `steps` steps just
-        observed, in a march with radii.
-        """
-        return np.asarray(self._particles[self._touched[:-1] <= steps])
+        if not self._collide or self._touched.min() != step:
+            return None
+        return np.asarray(self._particles[self._touched[:-1] <= step])
 
     def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
         """Return a copy of a record that includes the distances at the end of the run."""
@@ -340,12 +338,6 @@ class Observers:
         out = np.array(stops, dtype=np.float64)
         out[:, 1:3] = row[out[:, 1:3].astype(int)]
         return out
-
-    def _dominant_body(self) -> int:
-        """Return the body that dominates the others, or -1."""
-        gm = self._parameters[1:]
-        heaviest = int(gm.argmax())
-        return -1 if gm[heaviest] <= DOMINANT * gm.sum() else heaviest
 
     def _reaches(self, q: Array, v: Array, on_kepler_orbits: bool) -> Array:
         """Return `annuli` with the reach of each body: of planets that steps on Kepler orbits do not follow there, with

@@ -39,10 +39,8 @@ class End(NamedTuple):
     @classmethod
     def of(cls, leg: Leg) -> End | None:
         """Return the end of the last step of a leg, or None if no bodies may touch in it."""
-        count = leg.loop.taken
-        if not leg.observers.touched_first_in(count):
-            return None
-        return cls(leg.time, leg.state(), leg.observers.touching(count))
+        touching = leg.observers.touching(leg.loop.taken)
+        return None if touching is None else cls(leg.time, leg.state(), touching)
 
 
 class Ahead(NamedTuple):
