@@ -342,7 +342,9 @@ def _sample(
         most = 1 if single else max(min(store.room, AT_ONCE, count - index), 1)
         q, v = marcher.samples.ahead(places.between(index, index + most))
         sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()
-        if watch.interrupted(watch.at_a_bound(sample)) or particles.reach(grid.goals[index : index + len(q)], q, v):
+        if watch.interrupted(events.before_sample(marcher.current, sample)):
+            return False
+        if particles.reach(grid.goals[index : index + len(q)], q, v):
             return False
         if index == count:
             break

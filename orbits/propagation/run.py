@@ -39,18 +39,13 @@ if TYPE_CHECKING:
     from orbits.certificate import Certificate
 
 
-class _Times(TypedDict, total=False):
-    """The steps, the end and the samples of a run."""
+class Options(TypedDict, total=False):
+    """The options of `propagate`."""
 
     dt: Any
     duration: Any
     until: Any
     samples: Any
-
-
-class Options(_Times, total=False):
-    """The options of `propagate`."""
-
     overwrite: bool
     certificate: bool | Certificate
     stop: Condition | Sequence[Condition]

@@ -140,12 +140,9 @@ class RunEnds:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
         found, marcher = None, self.marcher
         if self.events.stops is not None:
-            found = self.at_a_bound(Sample(time, *marcher.state_after(time - marcher.time)))
+            sample = Sample(time, *marcher.state_after(time - marcher.time))
+            found = self.events.before_sample(marcher.current, sample)
         return found or self.events.ahead(marcher.current, time)
-
-    def at_a_bound(self, sample: Sample) -> Found | None:
-        """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
-        return self.events.before_sample(self.marcher.current, sample)
 
     def called_back(self, sample: Sample, accounts: Array) -> bool:
         """Return whether the callback ends the run at a sample, and note it; accounts : of the forces there."""
@@ -183,7 +180,7 @@ class RunEnds:
 
 
 class ParticlesOfRun:
-    """The events of massless bodies along the loop of a run."""
+    """The events of massless bodies along the loop of a run; may_end : whether any of them may end it."""
 
     def __init__(self, run: Run) -> None:
         values, clock = run.system.values, run.grid.clock
@@ -192,7 +189,7 @@ class ParticlesOfRun:
         self._watch: RunEnds = proxy(run.watch)
         self._marcher = run.marcher.current
         self._followed = ParticleSearches(run.system, run.integrator, clock, run.watch.events, begun)
-        self._clock, self._kept = clock, self._now()
+        self._clock, self._kept, self.may_end = clock, self._now(), self._followed.stops
         self._waiting: list[Sample] = []
         self._step = self._reached = self._marcher.step
         self._end = float(run.grid.goals[-1])
@@ -201,11 +198,6 @@ class ParticlesOfRun:
     def __bool__(self) -> bool:
         """Whether there are any."""
         return bool(self._followed)
-
-    @property
-    def may_end(self) -> bool:
-        """Whether any of them may end the run."""
-        return bool(self._followed) and self._followed.stops
 
     def reach(self, times: Array, q: Array, v: Array, *, later: bool = False) -> bool:
         """Take the next samples; one alone, before it is stored, if `may_end`. Return whether an event up to it ends
