@@ -31,10 +31,11 @@ from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.events.base import Sample
 from orbits.propagation.events.functions import Raised
+from orbits.propagation.particles_of_run import ParticlesOfRun
 from orbits.propagation.results.recording import observed_until
 from orbits.propagation.resuming.marching_again import lost_by_the_end
 from orbits.propagation.resuming.sample_store import SampleStore
-from orbits.propagation.run_ends import ParticlesOfRun, RunEnds
+from orbits.propagation.run_ends import RunEnds
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory

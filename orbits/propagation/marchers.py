@@ -46,6 +46,9 @@ PASSAGES = frozenset({"passages", "passage_counts"})
 RETIRED = frozenset({"retired"})
 """The array of a checkpoint that lists the retired particles."""
 
+LIGHT = 1e-36
+"""The mass of a followed body as a fraction of the lightest massive one: it moves no last bit of any."""
+
 
 def bound(
     system: System,
@@ -123,6 +126,17 @@ def march_of(
         lagrangian, integrator, vectors, massive, clock_of(clock), retire=True, forces=forces, **options
     )
     return PlanetExcursions(problem, q, v) if integrator.in_encounters.follow_planets else Leg(problem, q, v)
+
+
+def with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:
+    """Return the massive bodies of a system and these particles, with a mass, and which of all bodies these are."""
+    there = system.massive.copy()
+    there[list(particles)] = True
+    gone = [name for name, stays in zip(system.names, there, strict=True) if not stays]
+    left = system.remove(*gone) if gone else system
+    gm = left.values.gm.copy()
+    gm[gm == 0.0] = LIGHT * gm[gm > 0.0].min()
+    return left.replaced(gm=gm), there
 
 
 def looks_for_approaches(asked: bool | None, integrator: Integrator, system: System) -> bool:

@@ -24,8 +24,7 @@ from orbits.kernels.search.apsides import apsides_of
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.step_times import Place
 from orbits.point_masses import PointMasses
-from orbits.propagation.events.search.of_particles import LIGHT
-from orbits.propagation.marchers import march_of
+from orbits.propagation.marchers import LIGHT, march_of
 
 if TYPE_CHECKING:
     from orbits.marching.clocks.constant import Clock

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from orbits.integrators.forms import padded
 from orbits.marching.clocks.step_times import Place
-from orbits.propagation.events.search.of_particles import with_light
-from orbits.propagation.marchers import bound, march_of
+from orbits.propagation.marchers import bound, march_of, with_light
 from orbits.propagation.results.dense_output import state_of
 from orbits.system.model import continued, model, most_inner
 from orbits.trajectory.work import accounts_of

@@ -19,8 +19,7 @@ from orbits.marching.stepping.choice_of_form import form_of_bodies
 from orbits.marching.stepping.pool import Pool
 from orbits.marching.tangents.in_maps import MapTangents, require_map_tangents
 from orbits.marching.tangents.of_bodies import Tangents, require_tangents
-from orbits.propagation.events.search.of_particles import with_light
-from orbits.propagation.marchers import bound
+from orbits.propagation.marchers import bound, with_light
 from orbits.propagation.variations.slopes import slopes_of
 from orbits.system import System
 from orbits.system.model import given_bodies, model
