@@ -80,17 +80,14 @@ class Terminal:
 
     def __init__(self, label: str, begun: float) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
-        columns = (
+        self._bar = Progress(
             "[bold]{task.description}",
             BarColumn(),
             "{task.percentage:>4.0f} %",
             "{task.fields[at]}",
             "{task.fields[rate]}",
-        )
-        self._bar = Progress(
-            *(c if not isinstance(c, str) else TextColumn(c) for c in columns),
             TimeRemainingColumn(),
             console=Console(file=sys.stderr),
             transient=True,
