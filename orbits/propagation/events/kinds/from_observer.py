@@ -112,7 +112,8 @@ class Sight:
 
     def apart(self, a: Array, b: Array) -> Array:
         """Return how far apart both are on the sky, (m,): the angle between them."""
-        return angle_between(a, b)
+        across = np.cross(a, b)
+        return np.asarray(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))
 
     def disc(self, radius: float, way: Array) -> Array:
         """Return how large a sphere is on the sky, (m,): its angular radius; a right angle within it."""
@@ -191,7 +192,7 @@ class SeenBound(Bound):
         out = super().figures(t, q, v, columns)
         if self._sight.observer != NOBODY:
             a, b, _, _ = self._sight.of(q, v)
-            out[:, 2] = angle_between(a, b)
+            out[:, 2] = self._sight.apart(a, b)
         return out
 
 
@@ -321,9 +322,3 @@ class Closest(Discs):
         """Return where the discs overlap, and the first body is on the right side."""
         overlap = Discs.of(self, *self._sight.of(q, v)) < 0.0
         return np.asarray(overlap & super().keeps(t, q, v, columns))
-
-
-def angle_between(a: Array, b: Array) -> Array:
-    """Return the angles between vectors, (m,)."""
-    across = np.cross(a, b)
-    return np.asarray(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))
