@@ -39,7 +39,8 @@ ROOM = 8192
 
 
 class ChainOfLegs(March):
-    """A march of a system whose bodies collide, or are changed by events.
+    """A march of a system whose bodies collide, or are changed by events; states are of all bodies of the run, NaN for
+    those that are gone.
 
     bodies : those of the run, at its start; events : of the run, where collisions are listed
     room : for changes, in its checkpoint; None for what the collisions need
@@ -64,7 +65,6 @@ class ChainOfLegs(March):
 
     @property
     def current(self) -> Legs:
-        """The march of the bodies that are there now."""
         return self._leg
 
     @property
@@ -74,20 +74,16 @@ class ChainOfLegs(March):
 
     @property
     def time(self) -> float:
-        """The time reached, since the start of the run."""
         return self._leg.time
 
     @property
     def home(self) -> Leg:
-        """The current leg, or the one whose clock it has."""
         return self._leg.home
 
     def changes(self) -> Changes:
-        """Return the changes so far."""
         return self.bodies.changes
 
     def excursions(self) -> tuple[NDArray[np.int64], int] | None:
-        """Return the excursions from the map, and their number; None if there can be none."""
         return self._leg.excursions()
 
     def retired(self, by: float | None = None) -> list[Retirement]:
@@ -102,15 +98,12 @@ class ChainOfLegs(March):
         return work
 
     def state(self) -> tuple[Array, Array]:
-        """Return (q, v), each (n, 3); NaN for bodies that are gone."""
         return self.bodies.whole(self._leg.state(), self.time)
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
-        """Return (q, v) after a partial step of `offset`; computed on a copy, without changing the march."""
         return self.bodies.whole(self._leg.state_after(offset), self.time + offset)
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return (q, v) at a place up to which the march has advanced, without changing the march."""
         self._settle()
         time = self.clock.time_at(place)
         if self._grid < 0:
@@ -118,11 +111,9 @@ class ChainOfLegs(March):
         return self.bodies.whole(self._leg.state_after(time - self._leg.time), time)
 
     def compile(self) -> None:
-        """Compile, or load from the cache, all that `approach` needs."""
         self._leg.compile()
 
     def close(self) -> None:
-        """Release the threads."""
         self._leg.close()
 
     def seen(self) -> list[tuple[System, Record]]:

@@ -114,12 +114,10 @@ class OnePair:
         self._rows = {int(body): row for row, body in enumerate(walk.bodies)}
 
     def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
-        """Return position and velocity of the body relative to the other, (m, 6), after partial steps."""
         found = [self._relative(self._passage.other, offset) for offset in offsets.tolist()]
         return np.array(found).reshape(len(rows), 6)
 
     def about(self, dominant: int) -> Array:
-        """Return position and velocity of the body relative to the dominant one, (1, 6)."""
         none = dominant < 0 or self._passage.body == dominant
         return np.zeros((1, 6)) if none else self._relative(dominant, 0.0)[None]
 
@@ -168,7 +166,6 @@ class PairsTogether:
         self._partial = march.home.stepper.partial_steps()
 
     def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
-        """Return position and velocity of the bodies of some passages relative to the others, (m, 6)."""
         q, v = np.empty((2, len(rows), 3 * self._n))
         starts, every = rows.astype(np.int64), np.ones(len(rows), dtype=bool)
         self._partial.take(self._path, starts, self._times[rows], np.ascontiguousarray(offsets), every, q, v)
@@ -177,7 +174,6 @@ class PairsTogether:
         return (both[k, :, :, self._bodies[rows]] - both[k, :, :, self._others[rows]]).reshape(len(rows), 6)
 
     def about(self, dominant: int) -> Array:
-        """Return position and velocity of the bodies relative to the dominant one, (passages, 6)."""
         k = np.arange(len(self._states))
         if dominant < 0:
             return np.zeros((len(k), 6))
