@@ -126,17 +126,17 @@ class Observers:
         self.given = form.held(problem.parameters) == len(massive)
         self._path, self._massive, self._particles = _NOTHING, massive, particles
         stops = problem.ends.stops
-        self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
+        rows = np.concatenate([massive, particles])  # the numbers of the bodies in the order of the kernels
+        self._stops = _NO_STOPS if stops is None or not len(stops) else _in_rows(stops, rows)
         self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
         self._collide = radii is not None
         gm = parameters[1:]
         self.dominant = int(gm.argmax()) if gm.max() > DOMINANT * gm.sum() else -1
-        self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
         of_bodies = slice(0, 3 * len(massive))
-        self._annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
+        annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
-            self.listed_within[: len(massive)] = self._annuli[:, REACH]
+            self.listed_within[: len(massive)] = annuli[:, REACH]
         self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
         self.lists = [BlockList.empty(listed) for listed in self._listed]
         self.contexts = Contexts(1 + tasks)
@@ -144,8 +144,8 @@ class Observers:
             stride=self._stride,
             bodies=len(massive),
             dominant=self.dominant,
-            mu=self._mu,
-            annuli=self._annuli,
+            mu=float(gm[self.dominant]) if self.dominant >= 0 else 0.0,
+            annuli=annuli,
             reaches=self.listed_within,
             hits=self._hits,
             passage_angle=passage_angle,
@@ -161,21 +161,16 @@ class Observers:
             self.contexts.enter(stops=self._stops)
             self.contexts.enter_each("speeds", [np.zeros(padded(len(massive))) for _ in range(1 + tasks)])
         if radii is not None:
-            within = np.full(padded(len(self._rows)), -np.inf)
-            within[: len(self._rows)] = radii[self._rows]
+            within = np.full(padded(len(rows)), -np.inf)
+            within[: len(rows)] = radii[rows]
             self._touched = np.zeros(len(particles) + 1, dtype=np.int64)
             self._touched_own = np.zeros(len(particles), dtype=np.int64)
             rough = collisions.roughness(problem.integrator.order)
             self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)].copy(), rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
-        self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
+        self._compiled, self._find_suspect, self._find_touch = False, 0, 0
         observed = len(self._stops) or self._collide or problem.approaches or problem.sees_all_steps
         self.records_all = self.sees_path = bool(observed) or not form.notes_nearest(3 * len(massive))
-
-    @cached_property
-    def _rows(self) -> NDArray[np.intp]:
-        """The numbers of the bodies in the order of the kernels."""
-        return np.concatenate([self._massive, self._particles])
 
     @cached_property
     def own_steps(self) -> Contexts:
@@ -187,9 +182,7 @@ class Observers:
         """The address of the observer that a task calls after each block with its context and the states of eight
         particles.
         """
-        if not self._observer:
-            self._observer = observer_address(follow_particles)
-        return self._observer
+        return observer_address(follow_particles)
 
     def begin(self, record: Array, first: int, origin: float = 0.0) -> None:
         """Prepare for a block after `first` steps, at the time `origin`, with this `record` and empty lists."""
@@ -331,14 +324,6 @@ class Observers:
         path[start : start + self._stride] = q
         path[start + self._stride : start + 2 * self._stride] = v
 
-    def _in_rows(self, stops: Array) -> Array:
-        """Return the conditions with the bodies numbered in the kernels' order."""
-        row = np.empty(len(self._rows) + 1)
-        row[self._rows], row[-1] = np.arange(len(self._rows)), -1
-        out = np.array(stops, dtype=np.float64)
-        out[:, 1:3] = row[out[:, 1:3].astype(int)]
-        return out
-
     def _reaches(self, q: Array, v: Array, on_kepler_orbits: bool) -> Array:
         """Return `annuli` with the reach of each body: of planets that steps on Kepler orbits do not follow there, with
         their mutual Hill radius at their apocentres.
@@ -361,6 +346,15 @@ class Observers:
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0
         return annuli
+
+
+def _in_rows(stops: Array, rows: NDArray[np.intp]) -> Array:
+    """Return conditions with the bodies numbered by their rows."""
+    row = np.empty(len(rows) + 1)
+    row[rows], row[-1] = np.arange(len(rows)), -1
+    out = np.array(stops, dtype=np.float64)
+    out[:, 1:3] = row[out[:, 1:3].astype(int)]
+    return out
 
 
 _NOTHING, _NO_STOPS = np.zeros(0), np.zeros((0, 4))
