@@ -35,35 +35,28 @@ class Walk:
         wanted = system.massive.copy()
         wanted[list(bodies)] = True
         self.bodies = np.flatnonzero(wanted)
-        step, rest = trajectory.clock.place(time)
-        self.step: float = step
-        self._clock = trajectory.clock
+        self._clock, self._begun, self._place = trajectory.clock, time, Place(0, 0.0)
+        self._first, rest = trajectory.clock.place(time)
         self._integrator, self._system = trajectory.integrator, system
         if most_inner(system) and sample >= 0:
             self._system = continued(system, accounts_of(trajectory)[sample])
         self._excursions = trajectory.excursions
         self.marcher = self._bound(q[wanted], v[wanted], time)
-        if self._clock.changes:
-            self._begun = self.step = time
-        elif rest != 0.0:
-            at = self._clock.time(step)
+        if rest != 0.0 and not self._clock.changes:
+            at = self._clock.time(self._first)
             home, names = self.marcher.home, [system.names[i] for i in self.bodies]
             state = home.state_after(-rest)
             if most_inner(system):
                 self._system = continued(self._system, home.accounts(), names)
             self.marcher = self._bound(*state, at)
-        self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 
     def to(self, step: float) -> None:
         """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
         if self._clock.changes:
-            self.step = step
-            self.marcher.advance_to(Place(0, step - self._begun))
-            return
-        # Passages between two steps, of bodies that took chosen ones there, have their state within a step.
-        self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
+            self._place = Place(0, step - self._begun)
+        else:  # passages between two steps, of bodies that took chosen ones there, have their state within a step
+            self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
         self.marcher.advance_to(self._place)
-        self.step = step
 
     def states(self, steps: Array) -> tuple[Array, Array]:
         """March on, and return q and v of its bodies, (m, bodies, 3), at the beginnings of m steps ahead, in order."""
@@ -84,8 +77,7 @@ class Walk:
 
     def after(self, offset: float) -> tuple[Array, Array]:
         """Return q and v of its bodies, (bodies, 3), a time after the beginning of the step."""
-        begun = Place(0, self.step - self._begun) if self._clock.changes else self._place
-        return self.marcher.state_at(begun._replace(rest=begun.rest + offset))
+        return self.marcher.state_at(self._place._replace(rest=self._place.rest + offset))
 
     def _bound(self, q: Array, v: Array, start: float) -> Legs:
         # All massive bodies are included, so the model of the run applies.

@@ -68,9 +68,10 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Iterable[int]) -> None:
             with suppress(IntegrationError):  # the run failed here
                 walk = Walk(trajectory, sample, sorted(bodies))
                 for k in some:
-                    walk.to(seen.passages[k].step)
-                    pair = OnePair(walk, seen.passages[k])
-                    _keep(seen, [k], _refined(pair, trajectory, seen, [seen.passages[k]], walk.chooses(walk.step)))
+                    passage = seen.passages[k]
+                    walk.to(passage.step)
+                    chosen = walk.chooses(passage.step)
+                    _keep(seen, [k], _refined(OnePair(walk, passage), trajectory, seen, [passage], chosen))
         seen.refined.update(ones)
 
 
