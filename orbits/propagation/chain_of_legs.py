@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, IntegrationError, StorageError
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
@@ -31,8 +32,6 @@ from orbits.propagation.marchers import WORK
 from orbits.system import System
 from orbits.trajectory import changes
 from orbits.trajectory.changes import CHANGES, COUNTS, Bodies, Changes, checked_rows, of_bodies
-
-Array = NDArray[np.float64]
 
 ROOM = 8192
 """The most changes that an archive holds, if they are not mergers, of which there are fewer than bodies."""

@@ -9,7 +9,6 @@ from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
 from orbits.archive.pace import PACE, Pace
@@ -23,6 +22,7 @@ from orbits.errors import (
     with_unit,
 )
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.march import AT_ONCE, March
 from orbits.propagation.checks.after_the_run import found_in
@@ -44,8 +44,6 @@ from orbits.trajectory.stored import of_archive
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.propagation.resuming.step_store import StepStore
-
-Array = NDArray[np.float64]
 
 
 Marching = Generator[Place | None, None, Trajectory]

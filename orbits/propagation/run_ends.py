@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from astropy import units as u
-from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.forms import Array
 from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
 from orbits.marching.watching.leg_observers import ENERGY
@@ -30,7 +30,6 @@ from orbits.trajectory.retired import absent, moved
 if TYPE_CHECKING:
     from orbits.propagation.chain_of_legs import ChainOfLegs
 
-Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
 
 

@@ -13,12 +13,12 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.elements import elements_from_state
 from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.integrators.gauss import Gauss
 from orbits.kernels.search.apsides import apsides_of
 from orbits.marching.clocks.adaptive import Adaptive
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from orbits.results.passages import Passage
     from orbits.system import System
 
-Array = NDArray[np.float64]
 
 METHOD = Gauss(stages=8)
 """The method of exact motions."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.forms import Array
 from orbits.kernels.steps import IMPACT
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
@@ -25,8 +26,6 @@ from orbits.propagation.events.bodies_left import Left
 from orbits.propagation.events.seeking import Seeking
 from orbits.trajectory import changes
 from orbits.trajectory.events import BODY, OTHER, TIME
-
-Array = NDArray[np.float64]
 
 
 class End(NamedTuple):

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.integrators.forms import Array
 from orbits.kernels.search.collisions import roughness, touching
 from orbits.marching.first_passage import State, Within, rounding_of
 
-Array = NDArray[np.float64]
 Pairs = Iterable[tuple[int, int]]
 
 

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.checks import finite_number
 from orbits.errors import InputError
+from orbits.integrators.forms import Array
 from orbits.propagation.events.base import Action, Sought
 
 if TYPE_CHECKING:
     from orbits.system import System
-
-Array = NDArray[np.float64]
 
 
 class OfTwo(Action):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics
 from orbits.errors import InputError, SingularityError, with_unit
+from orbits.integrators.forms import Array
 from orbits.point_masses import changed_masses
 from orbits.propagation.collisions.impact import Impact, overlapping
 from orbits.propagation.collisions.merge_and_bounce import (
@@ -32,7 +33,6 @@ from orbits.units import told_apart
 if TYPE_CHECKING:
     from orbits.system import System
 
-Array = NDArray[np.float64]
 
 CONTACT = 1.0 + 1e-12
 """Bodies closer than this, as a fraction of the sum of their radii, are in contact at the instant of a bounce."""

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError
+from orbits.integrators.forms import Array
 from orbits.trajectory.events import BROKEN, COLUMNS, MOST_EVENTS, NUMBER, OTHER, TIME, is_possible, rows_in
-
-Array = NDArray[np.float64]
 
 EVENTS, PARTICLE_EVENTS = ("events", "event_counts"), ("particle_events", "particle_event_counts")
 """The arrays of a checkpoint with the events on the motion of the bodies with mass, and with those of massless ones."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import EpochError, InputError, with_unit
-from orbits.integrators.forms import padded
+from orbits.integrators.forms import Array, padded
 from orbits.marching.legs.step_keeping import steps_apart
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.checks.before_the_start import check_span
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 START = -1
 """Stands among the numbers of samples for the start of a run."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.integrators.forms import padded
+from orbits.integrators.forms import Array, padded
 from orbits.marching.clocks.step_times import Place
 from orbits.propagation.marchers import bound, march_of, with_light
 from orbits.propagation.results.dense_output import state_of
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from orbits.results.passages import Passage
     from orbits.system import System
     from orbits.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 class Walk:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.roots import newton
@@ -27,7 +28,6 @@ from orbits.system.model import most_inner
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 WIDER = 2.0
 """The factor by which the search interval is wider than the estimated error of a passage's time, if steps differ."""

@@ -8,10 +8,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError, shown
+from orbits.integrators.forms import Array
 from orbits.marching.legs.excursions.chosen_steps import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
 from orbits.trajectory.marched_again import MarchesAgain
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from orbits.results.stop import Stop
     from orbits.trajectory import Trajectory
     from orbits.trajectory.retired import RetiredParticles
-
-Array = NDArray[np.float64]
 
 
 class Replay(MarchesAgain):

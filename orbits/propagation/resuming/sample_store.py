@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.archive.ended import ENDED, Ended
 from orbits.archive.pace import PACE, Pace
 from orbits.errors import ArchiveError, InputError
+from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.marching.legs.march import March
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from orbits.propagation.events.seeking import Seeking
     from orbits.propagation.resuming.step_store import StepStore
 
-Array = NDArray[np.float64]
 
 CHUNK_BYTES = 16 * 1024 * 1024
 """Samples kept in memory before they are written."""

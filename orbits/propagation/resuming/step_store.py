@@ -6,10 +6,10 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, InputError, StorageError
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.marching.legs.step_keeping import keep_steps, steps_apart
 from orbits.marching.stepping.kept_steps import PIECE_BYTES, StepsInMemory
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
 
-Array = NDArray[np.float64]
 
 FIRST_BYTES = 16 * 1024 * 1024
 """The most room for steps that are not known beforehand, when an archive is created."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.checks import whole_number
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.legs import within_step
@@ -26,7 +27,6 @@ from orbits.system.model import given_bodies, model
 from orbits.system.parameters import Parameter
 from orbits.time_grid import TimeGrid
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 

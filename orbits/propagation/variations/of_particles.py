@@ -7,13 +7,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.checks import whole_number
 from orbits.errors import RetiredWarning, StepWarning, counted, with_unit
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.integrators.maps.encounters import WARN
 from orbits.marching.legs.leg import available_threads
 from orbits.marching.tangents.of_particles import ParticleTangents, Passages
@@ -24,8 +24,6 @@ from orbits.results.passages import Seen
 from orbits.system import System
 from orbits.system.model import model
 from orbits.time_grid import TimeGrid
-
-Array = NDArray[np.float64]
 
 
 class Growths(NamedTuple):

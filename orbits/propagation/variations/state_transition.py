@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any, Literal, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits import integrators
 from orbits.checks import checked_flag
@@ -14,6 +13,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, RetiredWarning, counted
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.checks.before_the_start import found_ahead, warn_or_refuse
 from orbits.propagation.marchers import bound
@@ -31,8 +31,6 @@ from orbits.system import System
 from orbits.system.model import given_bodies
 from orbits.system.parameters import Parameter, parameters_of
 from orbits.time_grid import TimeGrid
-
-Array = NDArray[np.float64]
 
 
 def state_transition(
