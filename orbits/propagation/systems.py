@@ -257,18 +257,6 @@ def threads_of_each(count: int, threads: int | None) -> int:
     return max(1, whole // count)
 
 
-@contextmanager
-def released_if_it_fails(runs: Sequence[Run | Trajectory]) -> Iterator[None]:
-    """A context in which archives are claimed for runs; if it raises, they are left as they are."""
-    try:
-        yield
-    except BaseException:
-        for run in runs:
-            if isinstance(run, Run):
-                run.release()
-        raise
-
-
 def march_each(
     runs: Sequence[Run | Trajectory], threads: int | None, progress: bool | None, *, in_turn: bool
 ) -> list[Trajectory]:
