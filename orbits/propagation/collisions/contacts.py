@@ -197,8 +197,9 @@ class Contacts:
         if not changed:
             return None
         if self._events.of_bodies:
-            left = Left(of.bodies, of.massive & ~of.bodies.present, time)
-            found = self._events.of_bodies.go_through(time, (q, v), (done.after.q, done.after.v), left)
+            former = list(self._events.asked.bounds)
+            self._events.of_bodies.go_on_with(Left(of.bodies, of.massive & ~of.bodies.present, time))
+            found = self._events.of_bodies.jump(former, time, (q, v), (done.after.q, done.after.v))
         return Outcome(found, None, time, done.after)
 
     def _seek_up_to(self, leg: Leg, time: float, q: Array, v: Array) -> Found | None:

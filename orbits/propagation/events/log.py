@@ -22,6 +22,7 @@ class Log:
     direction : of the run in time, 1 or -1
     firm : the number of rows that lie within the steps of the march; those behind are of the part of a step at the end
         of the run, and are found again if the run is extended
+    last : the time up to which events are known, in the direction of the run
     broken : whether the search failed, so that there may be more events before the state of the march
     """
 
@@ -29,7 +30,7 @@ class Log:
         self._direction = direction
         self._rows: Array = np.empty((0, COLUMNS))
         self._count = self.firm = 0
-        self._last = -np.inf
+        self.last = -np.inf
         self.broken = False
 
     @property
@@ -42,24 +43,19 @@ class Log:
         """Whether there is no room for another row."""
         return self._count == MOST_EVENTS
 
-    @property
-    def last(self) -> float:
-        """The time up to which events are known, in the direction of the run."""
-        return self._last
-
     def pass_by(self, time: float) -> None:
         """Take all events up to a time as known: they are in the list, and what acts has acted."""
-        self._last = time * self._direction
+        self.last = time * self._direction
 
     def are_new(self, times: Array, apart: float) -> NDArray[np.bool_]:
         """Return which events lie behind those that are known, by more than a time `apart`: others, before a resume or
         before one that acted, are found again.
         """
-        return times * self._direction > self._last + apart
+        return times * self._direction > self.last + apart
 
     def forget(self) -> None:
         """Take no events as known: none are found again."""
-        self._last = -np.inf
+        self.last = -np.inf
 
     def has(self, row: Array, apart: float) -> bool:
         """Return whether an event is listed that differs from another by no more than a time `apart`, and figures."""
@@ -99,7 +95,7 @@ class Log:
         """Take the rows from a time on out of the list: what acts there has not acted."""
         self._count = int(((self.rows[:, TIME] - time) * self._direction < 0.0).sum())
         self.firm = min(self.firm, self._count)
-        self._last = float(self.rows[-1, TIME]) * self._direction if self._count else -np.inf
+        self.last = float(self.rows[-1, TIME]) * self._direction if self._count else -np.inf
 
     def drop_after(self, time: float) -> None:
         """Take the rows after a time out of the list."""

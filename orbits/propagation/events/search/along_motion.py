@@ -94,14 +94,6 @@ class MotionSearch:
         self.numbers = [k for k in self.numbers if len(self._bounds[k].pairs)]
         self._begin_leg()
 
-    def go_through(
-        self, time: float, before: tuple[Array, Array], after: tuple[Array, Array], left: Left
-    ) -> Found | None:
-        """Go on after a collision, as `go_on_with`, and through what it changes, as `jump`."""
-        former = list(self._bounds)
-        self.go_on_with(left)
-        return self.jump(former, time, before, after)
-
     def jump(
         self,
         former: list[Bound],
