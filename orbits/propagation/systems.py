@@ -299,7 +299,7 @@ def march_each(
                 warning.trajectory = done  # type: ignore[attr-defined]
             raise
     if failures:
-        raise _error(failures, done, [run.grid for run in left.values()])
+        raise _error(failures, done)
     return [run for run in done if run is not None]
 
 
@@ -351,9 +351,7 @@ def _noted(k: int, failures: dict[int, BaseException]) -> Iterator[None]:
         failures[k] = error
 
 
-def _error(
-    failures: dict[int, BaseException], done: list[Trajectory | None], grids: Sequence[TimeGrid]
-) -> SystemsError | Interrupted:
+def _error(failures: dict[int, BaseException], done: list[Trajectory | None]) -> SystemsError | Interrupted:
     """Return the error for all those that failed."""
     interrupted = {k: error for k, error in failures.items() if isinstance(error, Interrupted)}
     others = {k: error for k, error in failures.items() if k not in interrupted}

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
 FOR_GOOD = 0.3
 """The eccentricity below which an orbit whose pericentre a step does not resolve is not resolved elsewhere either."""
 
+REMEDY_FOR_PLANETS = (
+    'Let all bodies take steps that are chosen one by one there, with encounters="follow"; or use Gauss(stages=8), the '
+    "default, without dt: steps are then chosen one by one."
+)
+
 
 def require_outside(system: System) -> None:
     """Raise InputError for bodies inside the dominant one, as far as its radius is known."""
@@ -116,19 +121,13 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
             close,
             count - SHOWN,
             " pairs",
-            _remedy_for_planets(integrator),
+            REMEDY_FOR_PLANETS,
         )
 
 
 def _is_exact(system: System) -> bool:
     """Return whether nothing acts but the attraction of a single body: steps of any length are then exact."""
     return bool(system.massive.sum() == 1 and not system.terms)
-
-
-def _remedy_for_planets(integrator: Integrator) -> str:
-    """Return the advice for massive bodies that the method cannot follow."""
-    gauss = "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
-    return f'Let all bodies take steps that are chosen one by one there, with encounters="follow"; or use {gauss}'
 
 
 def _particles_too_fast(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
@@ -291,10 +290,8 @@ def _not_to_be_trusted(
     of_planets = any(massive[one] and massive[other] for one, other in pairs)
     whose = f" of {counted(who, 'massless particle')}" * (who > 0) + " and" * (who > 0 and of_planets)
     whose += " of massive bodies" * of_planets
-    remedy = _remedy_for_planets(run.integrator)
-    if not of_planets:
-        others = "" if isinstance(run, LegOfRun) else "All others are right. "
-        step, remedy = f"{others}{step}", _remedy_for_particles(run.integrator)
+    others = "" if of_planets or isinstance(run, LegOfRun) else "All others are right. "
+    remedy = REMEDY_FOR_PLANETS if of_planets else _remedy_for_particles(run.integrator)
     return Finding(
         f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:",
         StepWarning,
@@ -302,7 +299,7 @@ def _not_to_be_trusted(
         rows,
         len(found) - SHOWN,
         listed_in(run),
-        step + remedy,
+        f"{others}{step}{remedy}",
     )
 
 

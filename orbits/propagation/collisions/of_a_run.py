@@ -154,7 +154,7 @@ class Collisions:
         state = state._replace(gm=state.gm / parts)
         if heavy:
             state = _keeping_momentum(system, bodies, impact.time, before, state, changed)
-        rows = _rows(impact.time, before, state, changed if heavy else set(vanished), bodies.present)
+        rows = _rows(impact.time, state, changed if heavy else set(vanished), bodies.present)
         if heavy:
             lost = _lost(system, bodies, impact.time, before, state, with_impulse=bool((parts != 1.0).any()))
             rows[0, changes.ENERGY :] = lost
@@ -197,7 +197,7 @@ class Collisions:
             if not pairs:
                 break
         state = _keeping_momentum(system, bodies, impact.time, before, state._replace(gm=state.gm / parts), changed)
-        rows = _rows(impact.time, before, state, changed, bodies.present)
+        rows = _rows(impact.time, state, changed, bodies.present)
         lost = _lost(system, bodies, impact.time, before, state, with_impulse=bool((parts != 1.0).any()))
         rows[0, changes.ENERGY :] = lost
         return Done(np.array(found), rows, state)
@@ -223,7 +223,7 @@ def _without(present: NDArray[np.bool_], body: int) -> NDArray[np.bool_]:
     return present
 
 
-def _rows(time: float, before: State, after: State, changed: set[int], present: NDArray[np.bool_]) -> Array:
+def _rows(time: float, after: State, changed: set[int], present: NDArray[np.bool_]) -> Array:
     """Return the rows of the bodies that changed at an instant, without what was lost."""
     rows = np.zeros((len(changed), changes.COLUMNS))
     for row, body in zip(rows, sorted(changed), strict=True):
@@ -243,7 +243,7 @@ def rows_of_change(system: System, bodies: Bodies, time: float, before: State, a
     for old, new in zip(before, after, strict=True):
         differ |= (old != new).reshape(len(differ), -1).any(axis=1)
     differ &= bodies.present & np.isfinite(before.q).all(axis=1)
-    rows = _rows(time, before, after, set(np.flatnonzero(differ).tolist()), bodies.present)
+    rows = _rows(time, after, set(np.flatnonzero(differ).tolist()), bodies.present)
     if len(rows):
         rows[0, changes.ENERGY :] = _lost(system, bodies, time, before, after, with_impulse=True)
     return rows

@@ -148,8 +148,8 @@ class Conditions:
                 raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
         self._given = [c for c in given if isinstance(c, AtDistance)]
         self.distances = [replace(c, then=STOP) for c in self._given]
-        self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
-        self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
+        self._energy = self._only([c for c in given if isinstance(c, EnergyErrorAbove)])
+        self._clock = self._only([c for c in given if isinstance(c, WallTimeOver)])
         self.energy = math.inf if self._energy is None else float(self._energy.fraction)
         self.seconds = math.inf if self._clock is None else seconds_of(self._clock.duration, "WallTimeOver.duration")
 
@@ -174,7 +174,8 @@ class Conditions:
         return f"it took longer than {self.seconds:g} s", self._clock
 
     @staticmethod
-    def _least(conditions: list[Any], field: str) -> Any:
+    def _only(conditions: list[Any]) -> Any:
+        """Return the only condition of a kind, or None."""
         if len(conditions) > 1:
             raise InputError(f"stop holds {len(conditions)} {type(conditions[0]).__name__}; expected at most one.")
         return conditions[0] if conditions else None
