@@ -214,9 +214,9 @@ class _Bars:
         one, self._count = runs[0], len(runs)
         label = f"{one.integrator.label}, {self._count} systems"
         self.bars = [_Reached(run.marcher.time, run.marcher.step) for run in runs]
-        steps, unit, end = sum(run.grid.whole_steps for run in runs), one.system.units.time, one.grid.end
+        unit, end = one.system.units.time, one.grid.end
         wanted = progress if one.heartbeat is None else False
-        self._shown = Progress(wanted, label=label, total=end, unit=unit, steps=steps, begun=self._reached())
+        self._shown = Progress(wanted, label=label, total=end, unit=unit, begun=self._reached())
         self._pulse = Pulse(one.heartbeat, unit, end, *self._reached())
 
     def show(self) -> None:
