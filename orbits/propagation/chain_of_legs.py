@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, IntegrationError, StorageError
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
@@ -33,14 +34,13 @@ from orbits.system import System
 from orbits.trajectory import changes
 from orbits.trajectory.changes import CHANGES, COUNTS, Bodies, Changes, checked_rows, of_bodies
 
-Array = NDArray[np.float64]
-
 ROOM = 8192
 """The most changes that an archive holds, if they are not mergers, of which there are fewer than bodies."""
 
 
 class ChainOfLegs(March):
-    """A march of a system whose bodies collide, or are changed by events.
+    """A march of a system whose bodies collide, or are changed by events; states are of all bodies of the run, NaN for
+    those that are gone.
 
     bodies : those of the run, at its start; events : of the run, where collisions are listed
     room : for changes, in its checkpoint; None for what the collisions need
@@ -65,7 +65,6 @@ class ChainOfLegs(March):
 
     @property
     def current(self) -> Legs:
-        """The march of the bodies that are there now."""
         return self._leg
 
     @cached_property
@@ -80,20 +79,16 @@ class ChainOfLegs(March):
 
     @property
     def time(self) -> float:
-        """The time reached, since the start of the run."""
         return self._leg.time
 
     @property
     def home(self) -> Leg:
-        """The current leg, or the one whose clock it has."""
         return self._leg.home
 
     def changes(self) -> Changes:
-        """Return the changes so far."""
         return self.bodies.changes
 
     def excursions(self) -> tuple[NDArray[np.int64], int] | None:
-        """Return the excursions from the map, and their number; None if there can be none."""
         return self._leg.excursions()
 
     def retired(self, by: float | None = None) -> list[Retirement]:
@@ -113,15 +108,12 @@ class ChainOfLegs(March):
         return work
 
     def state(self) -> tuple[Array, Array]:
-        """Return (q, v), each (n, 3); NaN for bodies that are gone."""
         return self.bodies.whole(self._leg.state(), self.time)
 
     def state_after(self, offset: float) -> tuple[Array, Array]:
-        """Return (q, v) after a partial step of `offset`; computed on a copy, without changing the march."""
         return self.bodies.whole(self._leg.state_after(offset), self.time + offset)
 
     def state_at(self, place: Place) -> tuple[Array, Array]:
-        """Return (q, v) at a place up to which the march has advanced, without changing the march."""
         self._settle()
         time = self.clock.time_at(place)
         if self._grid < 0:
@@ -129,11 +121,9 @@ class ChainOfLegs(March):
         return self.bodies.whole(self._leg.state_after(time - self._leg.time), time)
 
     def compile(self) -> None:
-        """Compile, or load from the cache, all that `approach` needs."""
         self._leg.compile()
 
     def close(self) -> None:
-        """Release the threads."""
         self._leg.close()
 
     def seen(self) -> list[tuple[System, Record]]:
@@ -213,7 +203,7 @@ class ChainOfLegs(March):
         if self._seeks and self._contacts is not None:
             self._contacts.follow_events()
         elif self._events.of_bodies.interrupts:
-            self._events.follow(self.bodies.now())
+            self._events.asked.follow(self.bodies.now())
 
     def _settle(self) -> None:
         """Go on with whole steps, once the part of a step with which a leg began is done."""

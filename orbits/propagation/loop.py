@@ -9,7 +9,6 @@ from contextlib import nullcontext, suppress
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.archive.ended import FAILED, INTERRUPTED, STOPPED, Ended
 from orbits.archive.pace import PACE, Pace
@@ -23,6 +22,7 @@ from orbits.errors import (
     with_unit,
 )
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.march import AT_ONCE, March
 from orbits.propagation.checks.after_the_run import found_in
@@ -31,10 +31,11 @@ from orbits.propagation.control.progress import Progress
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.events.base import Sample
 from orbits.propagation.events.functions import Raised
+from orbits.propagation.particles_of_run import ParticlesOfRun
 from orbits.propagation.results.recording import observed_until
-from orbits.propagation.resuming.marching_again import REPLAY, lost_by_the_end
+from orbits.propagation.resuming.marching_again import lost_by_the_end
 from orbits.propagation.resuming.sample_store import SampleStore
-from orbits.propagation.run_ends import ParticlesOfRun, RunEnds
+from orbits.propagation.run_ends import RunEnds
 from orbits.system import System
 from orbits.time_grid import TimeGrid
 from orbits.trajectory import Excursions, RetiredParticles, Statistics, Trajectory
@@ -43,8 +44,6 @@ from orbits.trajectory.stored import of_archive
 if TYPE_CHECKING:
     from orbits.archive import ArchiveWriter
     from orbits.propagation.resuming.step_store import StepStore
-
-Array = NDArray[np.float64]
 
 
 Marching = Generator[Place | None, None, Trajectory]
@@ -126,7 +125,7 @@ def marching(run: Run, stopped_by: StopRequest | None = None, bar: Bar | None = 
             compiled = time.perf_counter()
             pace = Pace.from_now(marcher.time) if writer is not None and writer.has(PACE) else None
             room = len(grid) - run.first
-            store = SampleStore(len(system.names), room, writer, run.accounts, run.steps, watch.events, pace)
+            store = SampleStore(len(system.names), room, writer, run.accounts, watch.events, run.steps, pace)
             if bar is None and run.heartbeat is not None:  # that of several runs is given together
                 bar = Beats(run.heartbeat, run, writer)
             elif bar is None:
@@ -218,7 +217,7 @@ def march_into(run: Run, writer: Any, stop: StopRequest, bar: Bar) -> None:
     without a trajectory, and without warnings. Raises what a run that fails raises.
     """
     room = len(run.grid) - run.first
-    store = SampleStore(len(run.system.names), room, writer, run.accounts, events=run.watch.events)
+    store = SampleStore(len(run.system.names), room, writer, run.accounts, run.watch.events)
     try:
         run.marcher.compile()
         for _ in _sample(run, store, bar, stop, ParticlesOfRun(run)):
@@ -238,7 +237,7 @@ def _result(run: Run, store: SampleStore, writer: ArchiveWriter | None, statisti
     if writer is not None:
         # From the file that was written, even if its path now refers to another one.
         path = str(writer.path) if writer.in_place else None
-        return of_archive(Trajectory, writer.to_archive(), path=path, statistics=statistics, again=REPLAY)
+        return of_archive(Trajectory, writer.to_archive(), path=path, statistics=statistics)
     (q, v, accounts), grid = store.arrays(), run.grid
     return Trajectory(
         run.system,
@@ -249,7 +248,6 @@ def _result(run: Run, store: SampleStore, writer: ArchiveWriter | None, statisti
         integrator=run.integrator,
         statistics=statistics,
         complete=len(q) == len(grid) and (store.ended.finished or not grid.goes_on),
-        again=REPLAY,
         accounts=accounts,
         kept=None if store.steps is None else store.steps.kept,
     )
@@ -343,7 +341,9 @@ def _sample(
         most = 1 if single else max(min(store.room, AT_ONCE, count - index), 1)
         q, v = marcher.samples.ahead(places.between(index, index + most))
         sample, accounts = Sample(goal, q[0], v[0]), marcher.samples.accounts()
-        if watch.interrupted(watch.at_a_bound(sample)) or particles.reach(grid.goals[index : index + len(q)], q, v):
+        if watch.interrupted(events.before_sample(marcher.current, sample)):
+            return False
+        if particles.reach(grid.goals[index : index + len(q)], q, v):
             return False
         if index == count:
             break

@@ -28,7 +28,6 @@ from orbits.propagation.events.seeking import Seeking
 from orbits.propagation.loop import Run, march
 from orbits.propagation.march_of_run import march_of_run
 from orbits.propagation.marchers import differences, provenance
-from orbits.propagation.resuming.marching_again import REPLAY
 from orbits.propagation.resuming.sample_store import checkpoint_of, no_accounts
 from orbits.propagation.resuming.step_store import StepStore, check_memory, continued, room_for_steps
 from orbits.propagation.run_ends import Callback, RunEnds
@@ -115,7 +114,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             system=system,
             integrator=integrators.describe(integrator),
             grid=grid,
-            checkpoint=checkpoint_of(marcher, accounts, seeking, pace=Pace()),
+            checkpoint=checkpoint_of(marcher, accounts, seeking, Pace()),
             provenance=provenance(),
             certificate=measured.to_json() if measured else "",
             events=description_of(seeking),
@@ -150,7 +149,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         grid = old.grid if until is None else old.grid.extended(system, until)
         if old.committed == len(grid) and old.complete:
             old.release()
-            return of_archive(Trajectory, old, path=str(path), again=REPLAY)
+            return of_archive(Trajectory, old, path=str(path))
         check_span(system, grid)
         place = old.checkpoint(), old.committed
         marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)
@@ -160,7 +159,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         raise
 
     def begin() -> ArchiveWriter:
-        now, before = checkpoint_of(marcher, accounts, seeking, pace=Pace()), old.checkpoint()
+        now, before = checkpoint_of(marcher, accounts, seeking, Pace()), old.checkpoint()
         if until is None and now.keys() - {PACE} == before.keys() - {PACE}:
             return ArchiveWriter.going_on(old)
         # There are more samples, or a file of an earlier version has no room for the list of retired particles.

@@ -27,6 +27,7 @@ from orbits.marching.legs.march import March
 from orbits.marching.legs.problem import Ends, Problem
 from orbits.point_masses import PointMasses
 from orbits.propagation.control.stop_conditions import Conditions
+from orbits.propagation.events.log import EVENTS, PARTICLE_EVENTS
 from orbits.propagation.resuming.sample_store import ACCOUNTS
 from orbits.system import System
 from orbits.system.derived import derived
@@ -42,12 +43,11 @@ WORK = "change_work"
 PASSAGES = frozenset({"passages", "passage_counts"})
 """Arrays of a checkpoint that list the passages of a march."""
 
-
-EVENTS = frozenset({"events", "event_counts", "particle_events", "particle_event_counts"})
-"""Arrays of a checkpoint that list the events of a run."""
-
 RETIRED = frozenset({"retired"})
 """The array of a checkpoint that lists the retired particles."""
+
+LIGHT = 1e-36
+"""The mass of a followed body as a fraction of the lightest massive one: it moves no last bit of any."""
 
 
 def bound(
@@ -128,6 +128,17 @@ def march_of(
     return PlanetExcursions(problem, q, v) if integrator.in_encounters.follow_planets else Leg(problem, q, v)
 
 
+def with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:
+    """Return the massive bodies of a system and these particles, with a mass, and which of all bodies these are."""
+    there = system.massive.copy()
+    there[list(particles)] = True
+    gone = [name for name, stays in zip(system.names, there, strict=True) if not stays]
+    left = system.remove(*gone) if gone else system
+    gm = left.values.gm.copy()
+    gm[gm == 0.0] = LIGHT * gm[gm > 0.0].min()
+    return left.replaced(gm=gm), there
+
+
 def looks_for_approaches(asked: bool | None, integrator: Integrator, system: System) -> bool:
     """Return whether a run records closest approaches; asked : as in `propagate`."""
     return integrator.looks_for_approaches or bool(system.rigid) if asked is None else asked
@@ -139,7 +150,7 @@ def restore(marcher: March, checkpoint: Mapping[str, NDArray[Any]], path: str | 
     Raises ArchiveError if the checkpoint does not belong to this run.
     """
     expected = {name: (array.dtype, array.shape) for name, array in marcher.checkpoint().items()}
-    beside = {ACCOUNTS, ENDED, PACE, *EVENTS}
+    beside = {ACCOUNTS, ENDED, PACE, *EVENTS, *PARTICLE_EVENTS}
     found = {name: (array.dtype, array.shape) for name, array in checkpoint.items() if name not in beside}
     for later in (PASSAGES, RETIRED):  # missing in runs of earlier versions
         if not found.keys() & later:

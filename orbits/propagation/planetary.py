@@ -11,6 +11,7 @@ from astropy import units as u
 from numpy.typing import NDArray
 
 from orbits.errors import InputError, shown
+from orbits.integrators.forms import Array
 from orbits.observing.line_of_sight import SKY
 from orbits.observing.measured import TransitTimes
 from orbits.observing.placing import barycentre
@@ -18,7 +19,6 @@ from orbits.observing.transits import mean_anomaly, mid_transits
 from orbits.propagation.run import propagate
 from orbits.system import System
 
-Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 ELEMENTS = ("mass_ratio", "P", "t0", "ecosw", "esinw", "inc", "Omega")

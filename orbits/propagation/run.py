@@ -27,7 +27,6 @@ from orbits.propagation.systems import (
     each,
     make_folder,
     march_each,
-    released_if_it_fails,
     systems_of,
     threads_of_each,
 )
@@ -39,18 +38,13 @@ if TYPE_CHECKING:
     from orbits.certificate import Certificate
 
 
-class _Times(TypedDict, total=False):
-    """The steps, the end and the samples of a run."""
+class Options(TypedDict, total=False):
+    """The options of `propagate`."""
 
     dt: Any
     duration: Any
     until: Any
     samples: Any
-
-
-class Options(_Times, total=False):
-    """The options of `propagate`."""
-
     overwrite: bool
     certificate: bool | Certificate
     stop: Condition | Sequence[Condition]
@@ -319,6 +313,11 @@ def resume(
     def take(k: int) -> None:
         runs.append(resumed(paths[k], how._replace(threads=of_each), until, exactly=exactly))
 
-    with released_if_it_fails(runs):
+    try:
         each(len(paths), take)
+    except BaseException:
+        for run in runs:  # archives that were claimed are left as they are
+            if isinstance(run, Run):
+                run.release()
+        raise
     return march_each(runs, threads, how.progress, in_turn=in_turn)

@@ -1,4 +1,4 @@
-"""What may end a run before its last sample: conditions, callbacks, events of massive and of massless bodies."""
+"""What may end a run before its last sample: conditions, callbacks, events of bodies with mass."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
-from weakref import proxy
 
 import numpy as np
 from astropy import units as u
-from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.forms import Array
 from orbits.marching.legs import within_step
 from orbits.marching.legs.march import March
 from orbits.marching.watching.leg_observers import ENERGY
 from orbits.propagation.control.stop_conditions import Condition, Conditions, WallTimeOver, asks_to_stop
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Found, Happening, Sample, Sought
-from orbits.propagation.events.search.of_particles import ParticleSearches
 from orbits.propagation.events.seeking import Seeking
 from orbits.results.stop import Stop
 from orbits.system import System
@@ -31,9 +29,7 @@ from orbits.trajectory.retired import absent, moved
 
 if TYPE_CHECKING:
     from orbits.propagation.chain_of_legs import ChainOfLegs
-    from orbits.propagation.loop import Run
 
-Array = NDArray[np.float64]
 Callback = Callable[[u.Quantity, System], object]
 
 
@@ -140,12 +136,9 @@ class RunEnds:
         """Return the first event that interrupts the run before a time less than a step ahead, if any."""
         found, marcher = None, self.marcher
         if self.events.stops is not None:
-            found = self.at_a_bound(Sample(time, *marcher.state_after(time - marcher.time)))
+            sample = Sample(time, *marcher.state_after(time - marcher.time))
+            found = self.events.before_sample(marcher.current, sample)
         return found or self.events.ahead(marcher.current, time)
-
-    def at_a_bound(self, sample: Sample) -> Found | None:
-        """Return the event that ends the run before a sample less than a step ahead, if a pair comes to its bound."""
-        return self.events.before_sample(self.marcher.current, sample)
 
     def called_back(self, sample: Sample, accounts: Array) -> bool:
         """Return whether the callback ends the run at a sample, and note it; accounts : of the forces there."""
@@ -180,92 +173,3 @@ class RunEnds:
             return at_time(self.system, changes, q, v, time)
         system = continued(self.system, self.marcher.accounts() if accounts is None else accounts)
         return moved(system, q, v, time, absent(q, v, self.system.massive))
-
-
-class ParticlesOfRun:
-    """The events of massless bodies along the loop of a run."""
-
-    def __init__(self, run: Run) -> None:
-        values, clock = run.system.values, run.grid.clock
-        begun = run.watch.before or Sample(0.0, values.q, values.v)
-        # No circle of references: its events call `seek`, and a run has megabytes.
-        self._watch: RunEnds = proxy(run.watch)
-        self._marcher = run.marcher.current
-        self._followed = ParticleSearches(run.system, run.integrator, clock, run.watch.events, begun)
-        self._clock, self._kept = clock, self._now()
-        self._waiting: list[Sample] = []
-        self._step = self._reached = self._marcher.step
-        self._end = float(run.grid.goals[-1])
-        run.watch.events.seek_of_particles = self.seek
-
-    def __bool__(self) -> bool:
-        """Whether there are any."""
-        return bool(self._followed)
-
-    @property
-    def may_end(self) -> bool:
-        """Whether any of them may end the run."""
-        return bool(self._followed) and self._followed.stops
-
-    def reach(self, times: Array, q: Array, v: Array, *, later: bool = False) -> bool:
-        """Take the next samples; one alone, before it is stored, if `may_end`. Return whether an event up to it ends
-        the run. Events that only record are sought up to several samples at once.
-
-        times : (m,), with q and v, (m or more, n, 3); later : whether nothing is sought before the end of the run
-        """
-        if not self._followed:
-            return False
-        begun, steps = self._reached, self._marcher.step - self._reached
-        for k, when in enumerate(times.tolist()):
-            self._waiting.append(Sample(when, q[k].copy(), v[k].copy()))
-            self._reached = begun + steps * (k + 1) // len(times)  # about the steps up to it
-            enough = self._followed.enough(len(self._waiting), self._reached - self._step)
-            # No run is complete before its events are known.
-            if (enough or when == self._end) and not later and self.seek():
-                return True
-        return False
-
-    def seek(self) -> bool:
-        """Seek events up to the last sample that was taken; return whether one of them ends the run."""
-        waiting, self._waiting, self._step = self._waiting, [], self._reached
-        for sample, searches in zip(waiting, self._followed.that_may_find(waiting), strict=True):
-            if searches and self._ends_by(sample.time, sample, searches):
-                return True
-            self._followed.go_on(sample)
-            self._kept = self._now()
-        return False
-
-    def end(self) -> None:
-        """Seek events up to the time at which the run was ended, if it was; an earlier one ends it instead."""
-        stopped = self._watch.stopped
-        if self._followed and stopped is not None:
-            self._ends_by(float(stopped.time.value))
-
-    def _ends_by(self, time: float, end: Sample | None = None, searches: Sequence[int] | None = None) -> bool:
-        if (time - self._followed.last.time) * self._clock.direction <= 0.0:
-            return False
-        watch, marcher = self._watch, self._marcher
-        lost = {one.body: float(self._clock.time(one.reading)) for one in marcher.retired()}
-        first = self._followed.seek(time, lost, end, searches)
-        if first is None:
-            return False
-        search, found = first
-        state = self._followed.state_at(found.time)
-        watch.end_at(search.asked.happening(found, state), found.time, state)
-        if self._kept is not None:
-            # The march has gone beyond: an archive goes on from the last sample, and finds again what comes after.
-            checkpoint, firm = self._kept
-            if (found.time - marcher.time) * self._clock.direction > 0.0:
-                watch.events.before(marcher, found.time, record=True)
-            watch.events.of_bodies.flush()
-            watch.events.of_bodies.log.drop_after(found.time)
-            watch.events.of_bodies.log.firm = min(firm, len(watch.events.of_bodies.log.rows))
-            marcher.restore(checkpoint)
-        return True
-
-    def _now(self) -> tuple[dict[str, NDArray[np.generic]], int] | None:
-        """Return where the march is, and how many of its events are firm, if particles may end it after that."""
-        if not self._followed.stops:
-            return None
-        self._watch.events.of_bodies.flush()
-        return self._marcher.checkpoint(), self._watch.events.of_bodies.log.firm

@@ -214,9 +214,9 @@ class _Bars:
         one, self._count = runs[0], len(runs)
         label = f"{one.integrator.label}, {self._count} systems"
         self.bars = [_Reached(run.marcher.time, run.marcher.step) for run in runs]
-        steps, unit, end = sum(run.grid.whole_steps for run in runs), one.system.units.time, one.grid.end
+        unit, end = one.system.units.time, one.grid.end
         wanted = progress if one.heartbeat is None else False
-        self._shown = Progress(wanted, label=label, total=end, unit=unit, steps=steps, begun=self._reached())
+        self._shown = Progress(wanted, label=label, total=end, unit=unit, begun=self._reached())
         self._pulse = Pulse(one.heartbeat, unit, end, *self._reached())
 
     def show(self) -> None:
@@ -255,18 +255,6 @@ def threads_of_each(count: int, threads: int | None) -> int:
     """Return how many threads each of several runs has that are marched at the same time."""
     whole = available_threads() if threads is None else whole_number(threads, "threads, if given,")
     return max(1, whole // count)
-
-
-@contextmanager
-def released_if_it_fails(runs: Sequence[Run | Trajectory]) -> Iterator[None]:
-    """A context in which archives are claimed for runs; if it raises, they are left as they are."""
-    try:
-        yield
-    except BaseException:
-        for run in runs:
-            if isinstance(run, Run):
-                run.release()
-        raise
 
 
 def march_each(
@@ -311,7 +299,7 @@ def march_each(
                 warning.trajectory = done  # type: ignore[attr-defined]
             raise
     if failures:
-        raise _error(failures, done, [run.grid for run in left.values()])
+        raise _error(failures, done)
     return [run for run in done if run is not None]
 
 
@@ -363,9 +351,7 @@ def _noted(k: int, failures: dict[int, BaseException]) -> Iterator[None]:
         failures[k] = error
 
 
-def _error(
-    failures: dict[int, BaseException], done: list[Trajectory | None], grids: Sequence[TimeGrid]
-) -> SystemsError | Interrupted:
+def _error(failures: dict[int, BaseException], done: list[Trajectory | None]) -> SystemsError | Interrupted:
     """Return the error for all those that failed."""
     interrupted = {k: error for k, error in failures.items() if isinstance(error, Interrupted)}
     others = {k: error for k, error in failures.items() if k not in interrupted}

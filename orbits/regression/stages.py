@@ -53,7 +53,7 @@ class Stages:
         self.begin(what)
         end = float(times[-1])
         wanted = self.progress if self.heartbeat is None else False
-        bar = Progress(wanted, label=what.partition(":")[0], total=end, unit=self.unit, steps=0)
+        bar = Progress(wanted, label=what.partition(":")[0], total=end, unit=self.unit)
         pulse, steps_so_far = Pulse(self.heartbeat, self.unit, end), 0
 
         def reached(time: float, steps: int) -> None:

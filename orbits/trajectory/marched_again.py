@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 
 class MarchesAgain(Protocol):
-    """Integrates a run again. A `Trajectory` gets one from its maker; `orbits.propagation` implements it."""
+    """Integrates runs again, as `orbits.propagation` implements it."""
 
     def begun(self, run: Trajectory) -> March:
         """Return a march of the run from its initial state."""
@@ -71,13 +71,17 @@ class MarchedAgain:
     """The methods of `Trajectory` for states between its samples and for close approaches."""
 
     _marched_again_by: ClassVar[MarchesAgain | None] = None
-    """The default for trajectories that are opened or made by hand. `orbits.propagation`, an upper layer, sets it when
-    it is loaded, which `orbits.Trajectory` causes."""
+    """What `orbits.propagation`, an upper layer, sets when it is loaded, which `orbits.Trajectory` causes."""
+
+    @property
+    def _run(self) -> Trajectory:
+        """The run whose methods these are."""
+        return self  # type: ignore[return-value]
 
     @property
     def _last_time(self) -> float:
         """The time of the last sample, in the unit of time of the system; 0 without samples."""
-        run: Trajectory = self  # type: ignore[assignment]
+        run = self._run
         return float(run.times[-1]) if len(run) else 0.0
 
     @property
@@ -85,19 +89,19 @@ class MarchedAgain:
         """The time up to which the run was marched, which may lie behind its last sample; of samples alone, the last
         time.
         """
-        run: Trajectory = self  # type: ignore[assignment]
+        run = self._run
         return self._last_time if run._span is None else run._span[1]
 
     @property
     def _earliest(self) -> float:
         """The earliest time of which there is a state: that of the start of the run or its end, or of a sample."""
-        run: Trajectory = self  # type: ignore[assignment]
+        run = self._run
         return float(np.min(run.times, initial=self._last_time)) if run._span is None else min(run._span)
 
     @property
     def _has_stopped(self) -> bool:
         """Whether an event, a condition or a callback ended the run."""
-        run: Trajectory = self  # type: ignore[assignment]
+        run = self._run
         return run._stopped is not None or (run.archive is not None and run.archive.ended.how == STOPPED)
 
     @property
@@ -106,15 +110,14 @@ class MarchedAgain:
 
         From an archive the state is that of run.at, and its condition is None.
         """
-        run: Trajectory = self  # type: ignore[assignment]
+        run = self._run
         if run._stopped is None and self._has_stopped:
             run._stopped = self._marches_again("run.stopped").stopped(run)
         return run._stopped
 
     @stopped.setter
     def stopped(self, stopped: Stop | None) -> None:
-        run: Trajectory = self  # type: ignore[assignment]
-        run._stopped = stopped
+        self._run._stopped = stopped
 
     def at(self, t: Any) -> Any:
         """Return the state at any time within the run, a `System`, or the states at several times, a `Trajectory`.
@@ -127,9 +130,8 @@ class MarchedAgain:
             or an array or list of these; many times at once take about a ninth of the time of single calls
         Raises InputError outside these times.
         """
-        run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.at")
-        return self._marches_again("run.at").at(run, t)
+        return self._marches_again("run.at").at(self._run, t)
 
     def closest_approaches(self, *, covariance: Any = None, body: str | None = None) -> Approaches:
         """Return the closest approaches of bodies between the start and the last step.
@@ -145,8 +147,7 @@ class MarchedAgain:
         Raises InputError for a run that did not look for them (see `approaches` of `propagate`), and for a trajectory
         that was not made by `propagate` or `resume`.
         """
-        run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.closest_approaches").closest_approaches(run, covariance, body)
+        return self._marches_again("run.closest_approaches").closest_approaches(self._run, covariance, body)
 
     def unresolved(self) -> list[Approach]:
         """Return the close passages that the step did not resolve, worst first; `propagate` warns of them.
@@ -156,8 +157,7 @@ class MarchedAgain:
         unperturbed orbit with this step and duration. On an open orbit without a primary it is listed if more than a
         tenth of its deflection is wrong.
         """
-        run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.unresolved").unresolved(run)
+        return self._marches_again("run.unresolved").unresolved(self._run)
 
     def error_estimate(self) -> ErrorBars:
         """Return the error bars of all bodies at all samples: what the steps and round-off may have done to them.
@@ -172,7 +172,7 @@ class MarchedAgain:
         what the start is wrong by, is not in it. The result is kept with this trajectory, not in archives.
         Raises InputError for a trajectory without samples, and for one that cannot be integrated again.
         """
-        run: Trajectory = self  # type: ignore[assignment]
+        run = self._run
         if run.error_bars is None:
             self._require_method("run.error_estimate")
             run.error_bars = self._marches_again("run.error_estimate").error_estimate(run)
@@ -184,9 +184,8 @@ class MarchedAgain:
         coupled, seed : as in `orbits.megno`
         Raises InputError as that does, and for a trajectory that cannot be integrated again.
         """
-        run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.megno")
-        return self._marches_again("run.megno").megno(run, coupled=coupled, seed=seed)
+        return self._marches_again("run.megno").megno(self._run, coupled=coupled, seed=seed)
 
     def state_transition(self, *, coupled: bool = True, parameters: Sequence[str] = ()) -> StateTransition:
         """Return the state-transition matrices at the samples of the run, which is marched again for it.
@@ -194,10 +193,9 @@ class MarchedAgain:
         coupled, parameters : as in `orbits.state_transition`
         Raises InputError as that does, and for a trajectory that cannot be integrated again.
         """
-        run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.state_transition")
         again = self._marches_again("run.state_transition")
-        return again.state_transition(run, coupled=coupled, parameters=parameters)
+        return again.state_transition(self._run, coupled=coupled, parameters=parameters)
 
     def ephemeris(
         self,
@@ -234,7 +232,7 @@ class MarchedAgain:
         from orbits.observing import ephemeris_of
         from orbits.system.presenting import attributes
 
-        run: Trajectory = self  # type: ignore[assignment]
+        run = self._run
         self._require_method("run.ephemeris")
         self._marches_again("run.ephemeris")
         return ephemeris_of(run, bodies, observer, times, H=H, G=G, attributes=attributes(run.system))
@@ -254,8 +252,7 @@ class MarchedAgain:
         """
         from orbits.observing.line_of_sight import radial_velocity_of
 
-        run: Trajectory = self  # type: ignore[assignment]
-        return radial_velocity_of(run, body, along, times)
+        return radial_velocity_of(self._run, body, along, times)
 
     def transits(self, body: str, along: LineOfSight | None = None, star: str | None = None) -> QTable:
         """Return a table of the transits of a body that `orbits.events.Transit` found, as seen from infinity.
@@ -273,40 +270,35 @@ class MarchedAgain:
         """
         from orbits.observing.transits import transits_of
 
-        run: Trajectory = self  # type: ignore[assignment]
-        return transits_of(run, body, along, star)
+        return transits_of(self._run, body, along, star)
 
     def _before(self, times: Array) -> tuple[Array, Array]:
         """Return q and v, (m, bodies, 3), at m times before the earliest one of the run, by its own method."""
-        run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.ephemeris").before(run, times)
+        return self._marches_again("run.ephemeris").before(self._run, times)
 
     def _begun(self) -> March:
         """Return a march of the run from its initial state, with its method and its step."""
-        run: Trajectory = self  # type: ignore[assignment]
-        return self._marches_again("run.to_spk").begun(run)
+        return self._marches_again("run.to_spk").begun(self._run)
 
     def to_spk(self, path: str | PathLike[str], **options: Any) -> SpkFile:
         """Write the run as an SPK ephemeris for SPICE, jplephem, Skyfield and astropy; see `orbits.spk.write`."""
         from orbits.spk import write
 
-        run: Trajectory = self  # type: ignore[assignment]
         self._require_method("run.to_spk")
-        return write(run, path, **options)
+        return write(self._run, path, **options)
 
     def _marches_again(self, what: str) -> MarchesAgain:
-        run: Trajectory = self  # type: ignore[assignment]
-        if run._again is None:
+        if self._marched_again_by is None:
             raise InputError(
                 f"{what} integrates the run again, which this trajectory cannot; expected a run of orbits.propagate or "
                 "orbits.Trajectory, or orbits.propagation imported before."
             )
-        return run._again
+        return self._marched_again_by
 
     def _require_method(self, what: str) -> None:
-        run: Trajectory = self  # type: ignore[assignment]
-        if not hasattr(run.integrator, "declares"):
+        integrator = self._run.integrator
+        if not hasattr(integrator, "declares"):
             raise InputError(
-                f"{what} integrates from sample to sample with the run's own method, but {run.integrator.label} is not "
+                f"{what} integrates from sample to sample with the run's own method, but {integrator.label} is not "
                 "a method of this package. Use a sample, run[k], or start from one: orbits.propagate(run[k], ...)."
             )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def of_archive(kind: type[Trajectory], archive: Archive, **known: Any) -> Trajectory:
     """Return the trajectory in an open archive, which is closed with it, or at once if this fails.
 
-    known : path, statistics and again of the trajectory
+    known : path and statistics of the trajectory
     Raises ArchiveError for an unknown method, and for an invalid certificate.
     """
     try:

@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from orbits.protocols import Samples
     from orbits.results.error_bars import ErrorBars
     from orbits.results.stop import Stop
-    from orbits.trajectory.marched_again import MarchesAgain
 
 Array = NDArray[np.float64]
 
@@ -70,8 +69,6 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
     retired : the retired massless particles; None to read them from the archive
     accounts : (n, forces, 7), what forces did up to each sample (see `orbits.trajectory.work`), or None
     kept : the states at the beginnings of all steps (see `orbits.marching.stepping.kept_steps`), or None
-    again : integrates the run again, for `at`, `closest_approaches`, `unresolved` and `to_spk`; by default that of
-        `orbits.propagation`
 
     run.t, run.q, run.v have units; run["Ceres"] is the trajectory of one body, run[-1] the `System` at the last sample,
     run[10:20] a `Trajectory` of some of the samples. Massless particles that could not be integrated any further are
@@ -93,7 +90,6 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
         path: str | None = None,
         certificate: Certificate | None = None,
         stopped: Stop | None = None,
-        again: MarchesAgain | None = None,
         retired: RetiredParticles | None = None,
         accounts: Array | None = None,
         kept: KeptSteps | None = None,
@@ -127,7 +123,6 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
         self._ended: tuple[bool, Callable[[], Mapping[str, NDArray[Any]]]] | None = None
         self._passages: Any = None
         self.error_bars: ErrorBars | None = None
-        self._again = self._marched_again_by if again is None else again
         self._retired = retired
         self._events: Events | None = None
         self._excursions: Excursions | None = None
@@ -228,8 +223,7 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
             if self.archive is None:
                 self._retired = RetiredParticles()
             else:
-                assert self._again is not None, "orbits.propagation is not imported"
-                self._retired = self._again.retired(self)
+                self._retired = self._marches_again("run.retired").retired(self)
         return self._retired
 
     @property
@@ -369,7 +363,6 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
             step=self.clock,
             integrator=self.integrator,
             certificate=certificate,
-            again=self._again,
             retired=self.retired,
             kept=self._kept,
         )
@@ -388,8 +381,7 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
         if self._place is None:
             return super().__reduce__()
         known: dict[str, Any] = {"_stopped": self.stopped, "_span": self._span, "_record": self._record}
-        known |= {"_again": self._again, "_retired": self.retired}
-        known |= {"_events": self.events, "_excursions": self.excursions}
+        known |= {"_retired": self.retired, "_events": self.events, "_excursions": self.excursions}
         own = type(self), self._place, len(self), self.statistics, identity_of(self, len(self))
         return reopened, own, known
 

@@ -64,7 +64,7 @@ def test_an_approach_that_cannot_be_computed_again_is_as_recorded_and_says_so(mo
     assert "estimated" not in exact.to_table().colnames
     run._passages = None
     recorded = [p.distance for p in passages_of(run).passages if {p.body, p.other} == {body, other}]
-    lost = refinement._Least(0.0, np.nan, np.nan)
+    lost = 0.0, np.nan, np.nan
     monkeypatch.setattr(refinement, "_least", lambda *_: lost)
     found = run.closest_approaches()
     again = next(iter(found))

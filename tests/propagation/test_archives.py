@@ -203,10 +203,11 @@ def test_commits_come_early_and_then_ever_more_rarely(monkeypatch):
     monkeypatch.setattr(sample_store, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
     writer = SimpleNamespace(commit=lambda q, v, checkpoint: commits.append(clock[0]))
     marcher = SimpleNamespace(checkpoint=dict)
-    store = sample_store.SampleStore(1, 10, writer)
+    events = SimpleNamespace(complete=lambda: None, checkpoint=dict)
+    store = sample_store.SampleStore(1, 10, writer, sample_store.no_accounts(10, 0), events)
     for tick in range(1, 60 * 60 * 20):
         clock[0] = tick / 20
-        if store.overdue:
+        if store.full:
             store.commit(marcher)
     commits = np.array(commits)
     pauses = np.diff(commits, prepend=0.0)

@@ -83,7 +83,7 @@ def test_a_bar_says_it_and_leaves_that_time_out_of_the_rate(monkeypatch, impatie
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(module, "PATIENCE", 0.0)
-    bar = Progress(True, label="gauss", total=1.0, unit="d", steps=100)
+    bar = Progress(True, label="gauss", total=1.0, unit="d")
     said = []
     bar.update(0.0, 0)
     monkeypatch.setattr(bar._bar, "say", said.append)

@@ -18,7 +18,7 @@ from orbits.events import (
 )
 from orbits.marching.legs import within_step
 from orbits.propagation.events import asked
-from orbits.propagation.events.search.of_particles import TOGETHER, ParticleSearches
+from orbits.propagation.particles_of_run import TOGETHER, ParticlesOfRun
 from orbits.propagation.resuming import sample_store
 from orbits.terms import Drag, FrameDragging, ZonalHarmonics
 from orbits.trajectory.events import NUMBER
@@ -166,13 +166,13 @@ DENSE = {"duration": 6.0, "samples": 101}
 
 def one_by_one(patch):
     """Seek events from each sample to the next, whatever the motion through several of them excludes."""
-    patch.setattr("orbits.propagation.events.search.of_particles.TOGETHER", 1)
+    patch.setattr("orbits.propagation.particles_of_run.TOGETHER", 1)
 
 
 @ONE_BY_DEFAULT
 def test_what_is_sought_between_few_of_many_samples_is_all_that_there_is_to_the_bit(dt, monkeypatch):
-    sought_between, real = [], ParticleSearches._one
-    monkeypatch.setattr(ParticleSearches, "_one", lambda *given: sought_between.append(0) or real(*given))
+    sought_between, real = [], ParticlesOfRun._one
+    monkeypatch.setattr(ParticlesOfRun, "_one", lambda *given: sought_between.append(0) or real(*given))
     times = sought(SEVERAL, dt=dt, **DENSE).events.time.value
     assert len(times) > 5
     few = len(sought_between) < 0.5 * 100  # a third: all in steps with zeros, those that are no events as well
@@ -187,8 +187,8 @@ def test_what_is_sought_between_few_of_many_samples_is_all_that_there_is_to_the_
 @pytest.mark.parametrize("within", [0.3, 0.4])
 def test_ways_on_which_bodies_stay_apart_are_left_out_and_no_approach_is(within, monkeypatch):
     options = {"events": CloseApproach("probe", within=within), "duration": 60.0, "samples": 1501}
-    sought_between, real = [], ParticleSearches._one
-    monkeypatch.setattr(ParticleSearches, "_one", lambda *given: sought_between.append(0) or real(*given))
+    sought_between, real = [], ParticlesOfRun._one
+    monkeypatch.setattr(ParticlesOfRun, "_one", lambda *given: sought_between.append(0) or real(*given))
     found = sought(**options).events
     ways = len(sought_between)
     one_by_one(monkeypatch)
@@ -233,7 +233,7 @@ def test_events_on_a_rough_motion_do_not_depend_on_when_an_archive_is_written(tm
 @pytest.mark.parametrize("off", [-1e-9, 1e-9, 0.05])
 def test_a_motion_through_many_samples_that_is_off_hides_no_event(off, monkeypatch):
     """Far off, as in chaos; or a little, so that the event is before the last of these samples on one of the two."""
-    real, time = ParticleSearches._motions, sought(Pericentre("dust")).events.time.value[0]
+    real, time = ParticlesOfRun._motions, sought(Pericentre("dust")).events.time.value[0]
 
     def astray(self, number, time, end):
         known = self._last
@@ -244,7 +244,7 @@ def test_a_motion_through_many_samples_that_is_off_hides_no_event(off, monkeypat
         finally:
             self._last = known
 
-    monkeypatch.setattr(ParticleSearches, "_motions", astray)
+    monkeypatch.setattr(ParticlesOfRun, "_motions", astray)
     for apart in (-1e-10, 1e-10):
         before = np.linspace(0.0, time, TOGETHER - 1, endpoint=False)
         samples = [*before, time + apart, *np.linspace(time + 0.1, 6.0, 9)]
@@ -311,7 +311,7 @@ def test_a_search_that_fails_has_all_events_before_and_its_archive_does_not_go_o
         events = events[:2]
         for module in ("trajectory.events", "propagation.events.log", "propagation.events.seeking"):
             monkeypatch.setattr(f"orbits.{module}.MOST_EVENTS", 3)
-        monkeypatch.setattr("orbits.propagation.events.search.of_particles.MOST_EVENTS", 3)
+        monkeypatch.setattr("orbits.propagation.particles_of_run.MOST_EVENTS", 3)
     runs = []
     for name in ("together.h5", "one.h5"):
         with pytest.raises(EventError, match=r"'mine' is inf|more than 3 events of massless") as error:

@@ -173,17 +173,17 @@ def test_the_description_in_a_file_is_readable_by_others(tmp_path):
 
 @pytest.mark.parametrize(("column", "value"), [(1, 99.0), (2, 0.5), (3, 7.0), (0, np.nan)])
 def test_impossible_rows_are_refused(tmp_path, column, value):
-    from orbits.propagation.events.log import Log
+    from orbits.propagation.events import log
 
     run = orbits.propagate(system(), duration=PERIOD, events=EVENTS)
     rows = np.zeros((MOST_EVENTS, 8))
     count = len(run.events)
     rows[:count] = run.events._rows
     checkpoint = {"events": rows, "event_counts": np.array([count, count])}
-    Log(1.0).restore(checkpoint, len(run.events._words), 3, "run.h5")
+    log.firm_rows(checkpoint, log.EVENTS, len(run.events._words), 3, "run.h5")
     rows[count // 2, column] = value
     with pytest.raises(orbits.errors.ArchiveError, match=r"run.h5 is damaged: the list of events"):
-        Log(1.0).restore(checkpoint, len(run.events._words), 3, "run.h5")
+        log.firm_rows(checkpoint, log.EVENTS, len(run.events._words), 3, "run.h5")
 
 
 def test_a_copy_of_a_run_keeps_its_events(tmp_path):

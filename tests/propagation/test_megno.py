@@ -14,7 +14,7 @@ from orbits.errors import InputError, RetiredWarning, StepWarning
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.tangents.in_maps import MapTangents
 from orbits.marching.tangents.of_particles import ParticleTangents
-from orbits.propagation.events.search.of_particles import with_light
+from orbits.propagation.marchers import with_light
 from orbits.propagation.variations.megno import Megno, TangentGrowth, _starts
 from orbits.resources import data_path
 from orbits.system.model import model

@@ -106,8 +106,8 @@ def test_a_notebook_is_told_no_more_than_five_times_a_second(monkeypatch):
 @pytest.mark.parametrize("kernel", [True, False])
 def test_false_and_an_ipython_without_a_notebook_show_no_output(monkeypatch, kernel):
     notebook = install(monkeypatch, Notebook(kernel))
-    bar = Progress(False if kernel else None, label="x", total=1.0, unit="d", steps=10)
-    bar.update(0.5)
+    bar = Progress(False if kernel else None, label="x", total=1.0, unit="d")
+    bar.update(0.5, 5)
     bar.close()
     assert not notebook.messages
 
@@ -116,8 +116,8 @@ def test_false_and_an_ipython_without_a_notebook_show_no_output(monkeypatch, ker
 def test_short_runs_stay_silent_even_on_a_terminal(monkeypatch, wanted):
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    bar = Progress(wanted, label="x", total=1.0, unit="d", steps=10)
-    bar.update(0.5)
+    bar = Progress(wanted, label="x", total=1.0, unit="d")
+    bar.update(0.5, 5)
     bar.close()
     assert terminal.getvalue() == ""
 
@@ -126,7 +126,7 @@ def test_false_never_shows_a_bar(monkeypatch):
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     monkeypatch.setattr(module, "PATIENCE", 0.0)
-    bar = Progress(False, label="x", total=1.0, unit="d", steps=10)
-    bar.update(0.5)
+    bar = Progress(False, label="x", total=1.0, unit="d")
+    bar.update(0.5, 5)
     bar.close()
     assert terminal.getvalue() == ""

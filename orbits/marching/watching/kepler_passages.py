@@ -14,18 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.maps.nearest import HILL_RADII as HILL_RADII
 from orbits.kernels.search.record import ABOUT, FASTEST2, LEAST2, MATE, ROW, STEP
 from orbits.kernels.steps import NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import Lost
 from orbits.marching.watching.passage_list import BlockList
-
-LEAST_STEPS = Integrator.least_steps
-"""Steps in a full turn at the speed of the pericentre below which they are in resonance with the motion there: those of
-one kick.
-"""
 
 FOLLOWED = 4.0
 """Hill radii of a planet within which massless particles take steps of their own, if they are followed. At 4 instead of
@@ -37,13 +31,6 @@ PLANET_WAYS = 1.0
 SPARED = 1e-12
 """The error of the attraction by a planet on the way past it, as a fraction of that by the dominant body, up to which
 the map takes a particle past it."""
-
-
-def listed(least: int) -> tuple[float, float, float]:
-    """Return the limits for the list of passages, see `orbits.marching.watching.leg_observers.thresholds`: all flybys
-    within the reach of a planet, and all pericentres with fewer than `least` steps in a full turn.
-    """
-    return math.inf, 0.0, 2.0 * math.pi / least
 
 
 def reach(about: Array, gm: Array, dominant: float) -> Array:

@@ -24,7 +24,6 @@ from orbits.kernels.search.record import QUANTITIES, REACH, enter_passage, note_
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.stepping.alignment import unwritten
-from orbits.marching.watching import kepler_passages
 from orbits.marching.watching.kepler_passages import HILL_RADII
 from orbits.marching.watching.passage_list import BlockList
 
@@ -68,7 +67,8 @@ def limits_of(integrator: Integrator, clock: Clock, sees_dominant: bool) -> tupl
     sees_dominant : whether all pericentres about the dominant body are to be seen, as particles may fall on it
     """
     if integrator.follows_kepler:
-        return kepler_passages.listed(integrator.least_steps)
+        # All flybys within the reach of a planet, and all pericentres that steps do not resolve.
+        return math.inf, 0.0, 2.0 * math.pi / integrator.least_steps
     if sees_dominant:
         return math.inf, 0.0, 0.0
     return clock.passage_limits or thresholds(integrator.order)
@@ -106,6 +106,7 @@ class Observers:
     contexts, lists : of the massive bodies, then of each task
     sees_path : whether all states of the next block are to be recorded
     records_all : whether all states of all blocks are
+    dominant : the body that dominates the others, or -1
     given : whether the motion of all massive bodies is given: approaches among these are not looked for
     """
 
@@ -125,16 +126,17 @@ class Observers:
         self.given = form.held(problem.parameters) == len(massive)
         self._path, self._massive, self._particles = _NOTHING, massive, particles
         stops = problem.ends.stops
-        self._stops = _NO_STOPS if stops is None or not len(stops) else self._in_rows(stops)
+        rows = np.concatenate([massive, particles])  # the numbers of the bodies in the order of the kernels
+        self._stops = _NO_STOPS if stops is None or not len(stops) else _in_rows(stops, rows)
         self._hits = np.zeros((len(particles) + WIDTH - 1) // WIDTH + 1, dtype=np.int64)
         self._collide = radii is not None
-        self.dominant = self._dominant_body()
-        self._mu = float(parameters[1 + self.dominant]) if self.dominant >= 0 else 0.0
+        gm = parameters[1:]
+        self.dominant = int(gm.argmax()) if gm.max() > DOMINANT * gm.sum() else -1
         of_bodies = slice(0, 3 * len(massive))
-        self._annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
+        annuli = self._reaches(q[of_bodies].reshape(3, -1), v[of_bodies].reshape(3, -1), on_kepler_orbits)
         self.listed_within = np.zeros(padded(len(massive)))
         if self.dominant >= 0:
-            self.listed_within[: len(massive)] = self._annuli[:, REACH]
+            self.listed_within[: len(massive)] = annuli[:, REACH]
         self._listed = np.zeros((1 + tasks, 2), dtype=np.int64)
         self.lists = [BlockList.empty(listed) for listed in self._listed]
         self.contexts = Contexts(1 + tasks)
@@ -142,8 +144,8 @@ class Observers:
             stride=self._stride,
             bodies=len(massive),
             dominant=self.dominant,
-            mu=self._mu,
-            annuli=self._annuli,
+            mu=float(gm[self.dominant]) if self.dominant >= 0 else 0.0,
+            annuli=annuli,
             reaches=self.listed_within,
             hits=self._hits,
             passage_angle=passage_angle,
@@ -159,21 +161,16 @@ class Observers:
             self.contexts.enter(stops=self._stops)
             self.contexts.enter_each("speeds", [np.zeros(padded(len(massive))) for _ in range(1 + tasks)])
         if radii is not None:
-            within = np.full(padded(len(self._rows)), -np.inf)
-            within[: len(self._rows)] = radii[self._rows]
+            within = np.full(padded(len(rows)), -np.inf)
+            within[: len(rows)] = radii[rows]
             self._touched = np.zeros(len(particles) + 1, dtype=np.int64)
             self._touched_own = np.zeros(len(particles), dtype=np.int64)
             rough = collisions.roughness(problem.integrator.order)
             self.contexts.enter(radii=within, strength=parameters[: 1 + len(massive)].copy(), rough=rough)
             self.contexts.enter(touched=self._touched, touched_own=self._touched_own)
-        self._compiled, self._find_suspect, self._find_touch, self._observer = False, 0, 0, 0
+        self._compiled, self._find_suspect, self._find_touch = False, 0, 0
         observed = len(self._stops) or self._collide or problem.approaches or problem.sees_all_steps
         self.records_all = self.sees_path = bool(observed) or not form.notes_nearest(3 * len(massive))
-
-    @cached_property
-    def _rows(self) -> NDArray[np.intp]:
-        """The numbers of the bodies in the order of the kernels."""
-        return np.concatenate([self._massive, self._particles])
 
     @cached_property
     def own_steps(self) -> Contexts:
@@ -185,9 +182,7 @@ class Observers:
         """The address of the observer that a task calls after each block with its context and the states of eight
         particles.
         """
-        if not self._observer:
-            self._observer = observer_address(follow_particles)
-        return self._observer
+        return observer_address(follow_particles)
 
     def begin(self, record: Array, first: int, origin: float = 0.0) -> None:
         """Prepare for a block after `first` steps, at the time `origin`, with this `record` and empty lists."""
@@ -307,17 +302,13 @@ class Observers:
         """
         return int(first_energy_error(self.contexts.addresses[0], self._parameters, steps, energy, bound))
 
-    def touched_first_in(self, step: int) -> bool:
-        """Return whether it is this step, of those just observed, counted from 1, in which two bodies may first have
-        touched.
+    def touching(self, step: int) -> NDArray[np.intp] | None:
+        """Return the particles, in the numbers of the caller, that may have touched a body in a step, of those just
+        observed, counted from 1; None unless it is the first one in which two bodies may have touched.
         """
-        return self._collide and int(self._touched.min()) == step
-
-    def touching(self, steps: int) -> NDArray[np.intp]:
-        """Return the particles, in the numbers of the caller, that may have touched a body in the `steps` steps just
-        observed, in a march with radii.
-        """
-        return np.asarray(self._particles[self._touched[:-1] <= steps])
+        if not self._collide or self._touched.min() != step:
+            return None
+        return np.asarray(self._particles[self._touched[:-1] <= step])
 
     def approaches(self, record: Array, first: int, now: float, track: Array, state: dict[str, Array]) -> Array:
         """Return a copy of a record that includes the distances at the end of the run."""
@@ -332,20 +323,6 @@ class Observers:
         path, start = self.path(step), 2 * step * self._stride
         path[start : start + self._stride] = q
         path[start + self._stride : start + 2 * self._stride] = v
-
-    def _in_rows(self, stops: Array) -> Array:
-        """Return the conditions with the bodies numbered in the kernels' order."""
-        row = np.empty(len(self._rows) + 1)
-        row[self._rows], row[-1] = np.arange(len(self._rows)), -1
-        out = np.array(stops, dtype=np.float64)
-        out[:, 1:3] = row[out[:, 1:3].astype(int)]
-        return out
-
-    def _dominant_body(self) -> int:
-        """Return the body that dominates the others, or -1."""
-        gm = self._parameters[1:]
-        heaviest = int(gm.argmax())
-        return -1 if gm[heaviest] <= DOMINANT * gm.sum() else heaviest
 
     def _reaches(self, q: Array, v: Array, on_kepler_orbits: bool) -> Array:
         """Return `annuli` with the reach of each body: of planets that steps on Kepler orbits do not follow there, with
@@ -369,6 +346,15 @@ class Observers:
         annuli[:, REACH] = np.maximum(HILL_RADII * hill, SHARE_OF_ORBIT * distance)
         annuli[dominant, REACH] = 0.0
         return annuli
+
+
+def _in_rows(stops: Array, rows: NDArray[np.intp]) -> Array:
+    """Return conditions with the bodies numbered by their rows."""
+    row = np.empty(len(rows) + 1)
+    row[rows], row[-1] = np.arange(len(rows)), -1
+    out = np.array(stops, dtype=np.float64)
+    out[:, 1:3] = row[out[:, 1:3].astype(int)]
+    return out
 
 
 _NOTHING, _NO_STOPS = np.zeros(0), np.zeros((0, 4))

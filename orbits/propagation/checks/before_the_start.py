@@ -81,7 +81,7 @@ def check_what_is_kept(system: System, integrator: Integrator, seeking: Seeking,
             "it out: run.at(times) marches on from the preceding sample, through the encounters. Where massless "
             "particles alone may be in encounters, encounters='follow particles' has dense output."
         )
-    on_motion = [type(event).__name__ for event in seeking.on_motion]
+    on_motion = [type(seeking.asked.of[k]).__name__ for k in seeking.asked.on_motion]
     if most_inner(system) and (dense or on_motion):
         kinds = [*dict.fromkeys(type(force).__name__ for force in system.forces if force.variables)]
         those, change = " and ".join(kinds), "changes" if len(kinds) == 1 else "change"

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from orbits.elements.moid import Conics, come_within, least_distances
 from orbits.finding import SHOWN
+from orbits.integrators.forms import Array
 from orbits.marching.watching.kepler_passages import HILL_RADII, reach
 from orbits.propagation.checks.step_check import in_digits
 from orbits.system.derived import derived
 
 if TYPE_CHECKING:
     from orbits.system import System
-
-Array = NDArray[np.float64]
 
 
 ROUNDING = 1e-12

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
 FOR_GOOD = 0.3
 """The eccentricity below which an orbit whose pericentre a step does not resolve is not resolved elsewhere either."""
 
+REMEDY_FOR_PLANETS = (
+    'Let all bodies take steps that are chosen one by one there, with encounters="follow"; or use Gauss(stages=8), the '
+    "default, without dt: steps are then chosen one by one."
+)
+
 
 def require_outside(system: System) -> None:
     """Raise InputError for bodies inside the dominant one, as far as its radius is known."""
@@ -116,19 +121,13 @@ def unfit(system: System, integrator: Integrator, h: float, span: float) -> Iter
             close,
             count - SHOWN,
             " pairs",
-            _remedy_for_planets(integrator),
+            REMEDY_FOR_PLANETS,
         )
 
 
 def _is_exact(system: System) -> bool:
     """Return whether nothing acts but the attraction of a single body: steps of any length are then exact."""
     return bool(system.massive.sum() == 1 and not system.terms)
-
-
-def _remedy_for_planets(integrator: Integrator) -> str:
-    """Return the advice for massive bodies that the method cannot follow."""
-    gauss = "Gauss(stages=8), the default, without dt: steps are then chosen one by one."
-    return f'Let all bodies take steps that are chosen one by one there, with encounters="follow"; or use {gauss}'
 
 
 def _particles_too_fast(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
@@ -165,18 +164,13 @@ def _particles_too_fast(system: System, integrator: Integrator, h: float, span: 
 
 def _particles_near_planets(system: System, integrator: Integrator) -> Iterator[Finding]:
     """Find massless particles that start within `HILL_RADII` of a planet: most have no passage to be seen by."""
-    values, sun = system.values, _dominant(system)
-    planets = np.array([row for row in np.flatnonzero(system.massive) if row != sun], dtype=int)
-    rows = np.flatnonzero(~system.massive)
-    q, about = values.q[rows] - values.q[sun], values.q[planets] - values.q[sun]
-    where = near_a_planet(q, about, values.gm[planets], float(values.gm[sun]))
-    close = np.flatnonzero(where >= 0)
+    close, planets = start_near_planets(system)
     if not len(close):
         return
-    lines = []
-    for k in close[:SHOWN]:
-        row, planet = rows[k], planets[where[k]]
-        distance = in_digits(float(np.linalg.norm(values.q[row] - values.q[planet])), system.units.length)
+    lines, q = [], system.values.q
+    rows, heavy = np.flatnonzero(~system.massive)[close], np.flatnonzero(system.massive)[planets]
+    for row, planet in zip(rows[:SHOWN], heavy, strict=False):
+        distance = in_digits(float(np.linalg.norm(q[row] - q[planet])), system.units.length)
         lines.append(f"{system.names[row]} is {distance} from {system.names[planet]}")
     start, them = ("starts", "it") if len(close) == 1 else ("start", "them")
     yield Finding(
@@ -188,6 +182,19 @@ def _particles_near_planets(system: System, integrator: Integrator) -> Iterator[
         len(close) - SHOWN,
         remedy=f"Use {_following(integrator)}, or Gauss(stages=8) without dt.",
     )
+
+
+def start_near_planets(system: System) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the massless particles that start within `HILL_RADII` of a planet, by their numbers among these, and the
+    numbers of the planets among the massive bodies.
+    """
+    values, massive = system.values, system.massive
+    gm, x = values.gm[massive], values.q[massive]
+    sun = int(gm.argmax())
+    planets = np.delete(np.arange(len(gm)), sun)
+    found = near_a_planet(values.q[~massive] - x[sun], x[planets] - x[sun], gm[planets], float(gm[sun]))
+    inside = np.flatnonzero(found >= 0)
+    return inside, planets[found[inside]]
 
 
 def _following(integrator: Integrator) -> str:
@@ -283,10 +290,8 @@ def _not_to_be_trusted(
     of_planets = any(massive[one] and massive[other] for one, other in pairs)
     whose = f" of {counted(who, 'massless particle')}" * (who > 0) + " and" * (who > 0 and of_planets)
     whose += " of massive bodies" * of_planets
-    remedy = _remedy_for_planets(run.integrator)
-    if not of_planets:
-        others = "" if isinstance(run, LegOfRun) else "All others are right. "
-        step, remedy = f"{others}{step}", _remedy_for_particles(run.integrator)
+    others = "" if of_planets or isinstance(run, LegOfRun) else "All others are right. "
+    remedy = REMEDY_FOR_PLANETS if of_planets else _remedy_for_particles(run.integrator)
     return Finding(
         f"{run.integrator.label} {what}{whose}{had}; the rest of the run is not to be trusted for these bodies:",
         StepWarning,
@@ -294,7 +299,7 @@ def _not_to_be_trusted(
         rows,
         len(found) - SHOWN,
         listed_in(run),
-        step + remedy,
+        f"{others}{step}{remedy}",
     )
 
 

@@ -17,15 +17,13 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.elements import state_from_elements
 from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.propagation.checks.passing_pair import Pair, march_pair
-
-Array = NDArray[np.float64]
 
 SPOILT = 100.0
 """A passage spoils a run if its error exceeds this many times the error on an unperturbed orbit."""

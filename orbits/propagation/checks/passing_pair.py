@@ -13,26 +13,24 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.elements import elements_from_state
 from orbits.elements.two_body import any_two_body
 from orbits.errors import InputError
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.integrators.gauss import Gauss
 from orbits.kernels.search.apsides import apsides_of
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.step_times import Place
 from orbits.point_masses import PointMasses
-from orbits.propagation.events.search.of_particles import LIGHT
-from orbits.propagation.marchers import march_of
+from orbits.propagation.marchers import LIGHT, march_of
 
 if TYPE_CHECKING:
     from orbits.marching.clocks.constant import Clock
     from orbits.results.passages import Passage
     from orbits.system import System
 
-Array = NDArray[np.float64]
 
 METHOD = Gauss(stages=8)
 """The method of exact motions."""
@@ -120,7 +118,9 @@ class Pair:
         """Return the pair after a time of either sign, by its exact motion."""
         seen = None if self.seen is None else (self.seen[0] - time, *self.seen[1:])
         if self.is_flyby:
-            return replace(self._of_three(*_flown(self._three, time)), seen=seen)
+            exactly = Adaptive().towards(1 if time > 0.0 else -1)  # to round-off
+            q, v = _marched(METHOD, self._three, exactly, Place(0, time))
+            return replace(self, q=q[2] - q[1], v=v[2] - v[1], other_q=q[1] - q[0], other_v=v[1] - v[0], seen=seen)
         q, v = _flow(self.mu, self.softening, self.q, self.v, time)
         if not self.other_q.any():
             return replace(self, q=q, v=v, seen=seen)
@@ -142,10 +142,6 @@ class Pair:
         q = np.array([np.zeros(3), self.other_q, self.other_q + self.q])
         return PointMasses(gm, q, np.array([np.zeros(3), self.other_v, self.other_v + self.v]), self.softening)
 
-    def _of_three(self, q: Array, v: Array) -> Pair:
-        """Return this pair with the states of the dominant body, the other and the body."""
-        return replace(self, q=q[2] - q[1], v=v[2] - v[1], other_q=q[1] - q[0], other_v=v[1] - v[0])
-
     @property
     def about_dominant(self) -> Pair:
         """The body and the dominant one, which is then the other."""
@@ -159,7 +155,7 @@ class Pair:
         exact : the pair there
         """
         if self.is_flyby:
-            q, v = _marched(integrator, self._three, h, steps)
+            q, v = _marched(integrator, self._three, h, Place(steps, 0.0))
             return q[2] - q[0] - (exact.q + exact.other_q), v[2] - v[0] - (exact.v + exact.other_v)
         end_q, end_v = march_pair(integrator, self.mu, self.softening, self.q, self.v, h, steps)
         return end_q - exact.q, end_v - exact.v
@@ -237,22 +233,17 @@ def march_pair(
 ) -> tuple[Array, Array]:
     """Return the relative state of two bodies, here of equal masses, after some steps of the method."""
     halves = np.array([0.5 * mu, 0.5 * mu]), np.array([-0.5 * q, 0.5 * q]), np.array([-0.5 * v, 0.5 * v])
-    end_q, end_v = _marched(integrator, PointMasses(*halves, softening), h, steps)
+    end_q, end_v = _marched(integrator, PointMasses(*halves, softening), h, Place(steps, 0.0))
     return end_q[1] - end_q[0], end_v[1] - end_v[0]
 
 
-def _marched(integrator: Integrator, bodies: PointMasses, h: float, steps: int) -> tuple[Array, Array]:
-    """Return q and v of bodies after some steps of the method."""
-    marcher = march_of(bodies, integrator, h)
-    marcher.advance_to(Place(steps, 0.0))
-    return marcher.state_at(Place(steps, 0.0))
-
-
-def _flown(bodies: PointMasses, time: float) -> tuple[Array, Array]:
-    """Return q and v of bodies after a time of either sign, to round-off."""
-    marcher = march_of(bodies, METHOD, Adaptive().towards(1 if time > 0.0 else -1))
-    marcher.advance_to(Place(0, time))
-    return marcher.state_at(Place(0, time))
+def _marched(
+    integrator: Integrator, bodies: PointMasses, clock: Clock | float, place: Place
+) -> tuple[Array, Array]:
+    """Return q and v of bodies to which a march of the method leads; clock : or a step."""
+    marcher = march_of(bodies, integrator, clock)
+    marcher.advance_to(place)
+    return marcher.state_at(place)
 
 
 def _flow(mu: float, softening: float, q: Array, v: Array, time: float) -> tuple[Array, Array]:

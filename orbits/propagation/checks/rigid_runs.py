@@ -57,7 +57,9 @@ def turning_fast(system: System, h: float) -> Iterator[Finding]:
     """Find whether a rigid body turns too far in a step of h."""
     if not is_rigid(system):
         return
-    fast = {name: angular_speed(turning) for name, turning in turnings(system).items()}
+    from orbits.system.rigid_bodies import angular_velocities
+
+    fast = {name: float(np.linalg.norm(angular_velocities(*one))) for name, one in turnings(system).items()}
     name, rate = max(fast.items(), key=lambda item: item[1])
     if abs(h) * rate * FEWEST <= 2.0 * np.pi:
         return
@@ -70,13 +72,6 @@ def turning_fast(system: System, h: float) -> Iterator[Finding]:
         StepWarning,
         "rotation too fast",
     )
-
-
-def angular_speed(turning: Any) -> float:
-    """Return the size of the angular velocity of a rigid body."""
-    from orbits.system.rigid_bodies import angular_velocities
-
-    return float(np.linalg.norm(angular_velocities(*turning)))
 
 
 def overlaps(run: Trajectory, seen: Seen) -> Iterator[Finding]:

@@ -254,16 +254,12 @@ def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: f
 
 
 def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tuple[Pair | None, float]:
-    """Return two bodies at the beginning of the step with their next pericentre, and its time.
+    """Return two bodies, the lighter one first, at the beginning of the step with their next pericentre, and its time.
 
     The pair is None if there is no pericentre within `span`.
     """
-    values = system.values
-    if values.gm[row] > values.gm[partner]:
-        row, partner = partner, row
-    heaviest = int(values.gm.argmax())
-    dominated = values.gm[heaviest] > DOMINANT * values.gm.sum()
-    pair = Pair.now(system, row, partner, heaviest if dominated else -1)
+    gm = system.values.gm
+    pair = Pair.now(system, row, partner, int(gm.argmax()) if gm.max() > DOMINANT * gm.sum() else -1)
     try:
         ahead, period = pair.ahead, pair.orbit.period
         if ahead * h < 0.0:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import EventError, with_unit
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.legs import within_step
@@ -18,7 +19,6 @@ from orbits.propagation.marchers import bound
 from orbits.system import System
 from orbits.trajectory.changes import Bodies, Changes, no_changes, of_bodies
 
-Array = NDArray[np.float64]
 
 class BodiesOfRun:
     """The bodies of a run as they change, from which the march of each leg is made.

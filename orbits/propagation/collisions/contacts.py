@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.forms import Array
 from orbits.kernels.steps import IMPACT
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.legs.leg import Leg
@@ -26,8 +27,6 @@ from orbits.propagation.events.seeking import Seeking
 from orbits.trajectory import changes
 from orbits.trajectory.events import BODY, OTHER, TIME
 
-Array = NDArray[np.float64]
-
 
 class End(NamedTuple):
     """The end of a step in which bodies may touch: its time, q and v there, and the massless bodies that may."""
@@ -39,10 +38,8 @@ class End(NamedTuple):
     @classmethod
     def of(cls, leg: Leg) -> End | None:
         """Return the end of the last step of a leg, or None if no bodies may touch in it."""
-        count = leg.loop.taken
-        if not leg.observers.touched_first_in(count):
-            return None
-        return cls(leg.time, leg.state(), leg.observers.touching(count))
+        touching = leg.observers.touching(leg.loop.taken)
+        return None if touching is None else cls(leg.time, leg.state(), touching)
 
 
 class Ahead(NamedTuple):
@@ -189,7 +186,7 @@ class Contacts:
         if found is not None:
             return Outcome(found)
         for row in done.found:
-            self._events.note(row)
+            self._events.of_bodies.add(row, True)
         if done.ends:
             return Outcome(ended=(done.found[-1], before))
         of.note(done.rows)
@@ -200,8 +197,9 @@ class Contacts:
         if not changed:
             return None
         if self._events.of_bodies:
-            left = Left(of.bodies, of.massive & ~of.bodies.present, time)
-            found = self._events.of_bodies.go_through(time, (q, v), (done.after.q, done.after.v), left)
+            former = list(self._events.asked.bounds)
+            self._events.of_bodies.go_on_with(Left(of.bodies, of.massive & ~of.bodies.present, time))
+            found = self._events.of_bodies.jump(former, time, (q, v), (done.after.q, done.after.v))
         return Outcome(found, None, time, done.after)
 
     def _seek_up_to(self, leg: Leg, time: float, q: Array, v: Array) -> Found | None:

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.integrators.forms import Array
 from orbits.kernels.search.collisions import roughness, touching
 from orbits.marching.first_passage import State, Within, rounding_of
 
-Array = NDArray[np.float64]
 Pairs = Iterable[tuple[int, int]]
 
 
@@ -44,17 +44,6 @@ class Step(NamedTuple):
     at: Callable[[float], State]
     massive: NDArray[np.intp]
     strength: Array
-
-    def field(self) -> tuple[Array, Array, int, int]:
-        """Return the field of the massive bodies between the ends, as kernels take it."""
-        path = np.array([x[self.massive].T for x in (*self.before, *self.after)]).ravel()
-        return self.strength, path, 0, 3 * len(self.massive)
-
-    def numbers(self) -> NDArray[np.int64]:
-        """Return the numbers of all bodies among the massive ones, (n,); as many as these are for the massless ones."""
-        numbers = np.full(len(self.before[0]), len(self.massive), dtype=np.int64)
-        numbers[self.massive] = np.arange(len(self.massive))
-        return numbers
 
 
 def impacts(
@@ -82,9 +71,12 @@ def impacts(
 def candidates(step: Step, radii: Array, slack: float) -> Pairs:
     """Yield the pairs, the lower number first, that may touch within a step, by the verdict that found the step."""
     states, found = np.array([*step.before, *step.after]), np.zeros(len(radii), dtype=bool)
+    massive, count = step.massive, len(step.massive)
+    field = step.strength, states[:, massive].swapaxes(1, 2).ravel(), 0, 3 * count
+    numbers = np.full(len(radii), count, dtype=np.int64)  # among the massive bodies; of massless ones as many as these
+    numbers[massive] = np.arange(count)
     pairs: set[tuple[int, int]] = set()
-    field, numbers = step.field(), step.numbers()
-    for i in step.massive.tolist():
+    for i in massive.tolist():
         touching(i, states, numbers, field, step.end - step.begin, radii, slack, found)
         pairs |= {(min(i, j), max(i, j)) for j in np.flatnonzero(found).tolist()}
     return sorted(pairs)

@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.checks import finite_number
 from orbits.errors import InputError
-from orbits.propagation.events.base import Action, Happening, Sought
+from orbits.integrators.forms import Array
+from orbits.propagation.events.base import Action, Sought
 
 if TYPE_CHECKING:
     from orbits.system import System
-
-Array = NDArray[np.float64]
 
 
 class OfTwo(Action):
@@ -29,10 +27,6 @@ class OfTwo(Action):
                 f"{type(event).__name__}(then={self!r}): only bodies that collide can do that; expected "
                 f"orbits.events.Collision(then={self!r})."
             )
-
-    def act(self, happening: Happening) -> System | None:
-        """Raise NotImplementedError: the march of a run lets bodies collide."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from orbits import diagnostics
 from orbits.errors import InputError, SingularityError, with_unit
+from orbits.integrators.forms import Array
 from orbits.point_masses import changed_masses
 from orbits.propagation.collisions.impact import Impact, overlapping
 from orbits.propagation.collisions.merge_and_bounce import (
@@ -32,7 +33,6 @@ from orbits.units import told_apart
 if TYPE_CHECKING:
     from orbits.system import System
 
-Array = NDArray[np.float64]
 
 CONTACT = 1.0 + 1e-12
 """Bodies closer than this, as a fraction of the sum of their radii, are in contact at the instant of a bounce."""
@@ -150,13 +150,14 @@ class Collisions:
             bodies = bodies._replace(present=_without(bodies.present, second))
             state = following
             sought = overlapping(state.q, state.radii, state.gm > 0.0, of=first)
-            pair = next((pair for pair in sought if self._merges(*pair)), None) if heavy else None
+            pair = next((pair for pair in sought if self._do(Merge, *pair)), None) if heavy else None
         state = state._replace(gm=state.gm / parts)
         if heavy:
             state = _keeping_momentum(system, bodies, impact.time, before, state, changed)
-        rows = _rows(impact.time, before, state, changed if heavy else set(vanished), bodies.present)
+        rows = _rows(impact.time, state, changed if heavy else set(vanished), bodies.present)
         if heavy:
-            rows[0, changes.ENERGY :] = _taken(system, bodies, impact.time, before, state, parts)
+            lost = _lost(system, bodies, impact.time, before, state, with_impulse=bool((parts != 1.0).any()))
+            rows[0, changes.ENERGY :] = lost
         return Done(np.array(found), rows, state, None if heavy else vanished)
 
     def _found(self, time: float, state: State, i: int, j: int) -> Array:
@@ -166,9 +167,10 @@ class Collisions:
         speed = float(np.linalg.norm(state.v[second] - state.v[first]))
         return np.array([time, self.number(i, j), 0.0, first, second, distance, speed, np.nan])
 
-    def _merges(self, i: int, j: int) -> bool:
+    def _do(self, what: type[Merge | Bounce], i: int, j: int) -> bool:
+        """Return whether two bodies merge, or bounce, where they collide."""
         rule = self.rule(i, j)
-        return rule is not None and isinstance(rule.then, Merge)
+        return rule is not None and isinstance(rule.then, what)
 
     def _bounce(
         self, system: System, bodies: Bodies, before: State, impact: Impact, known: Array, direction: float
@@ -190,18 +192,15 @@ class Collisions:
             pairs = [
                 (i, j)
                 for i, j in touching
-                if approaching(state, i, j) == (direction > 0.0) and self._bounces(i, j) and {i, j} & changed
+                if approaching(state, i, j) == (direction > 0.0) and self._do(Bounce, i, j) and {i, j} & changed
             ][:1]
             if not pairs:
                 break
         state = _keeping_momentum(system, bodies, impact.time, before, state._replace(gm=state.gm / parts), changed)
-        rows = _rows(impact.time, before, state, changed, bodies.present)
-        rows[0, changes.ENERGY :] = _taken(system, bodies, impact.time, before, state, parts)
+        rows = _rows(impact.time, state, changed, bodies.present)
+        lost = _lost(system, bodies, impact.time, before, state, with_impulse=bool((parts != 1.0).any()))
+        rows[0, changes.ENERGY :] = lost
         return Done(np.array(found), rows, state)
-
-    def _bounces(self, i: int, j: int) -> bool:
-        rule = self.rule(i, j)
-        return rule is not None and isinstance(rule.then, Bounce)
 
     def _check_at_rest(self, known: Array, time: float, first: int, second: int, state: State) -> None:
         pair = (known[:, BODY] == first) & (known[:, OTHER] == second)
@@ -224,7 +223,7 @@ def _without(present: NDArray[np.bool_], body: int) -> NDArray[np.bool_]:
     return present
 
 
-def _rows(time: float, before: State, after: State, changed: set[int], present: NDArray[np.bool_]) -> Array:
+def _rows(time: float, after: State, changed: set[int], present: NDArray[np.bool_]) -> Array:
     """Return the rows of the bodies that changed at an instant, without what was lost."""
     rows = np.zeros((len(changed), changes.COLUMNS))
     for row, body in zip(rows, sorted(changed), strict=True):
@@ -244,10 +243,9 @@ def rows_of_change(system: System, bodies: Bodies, time: float, before: State, a
     for old, new in zip(before, after, strict=True):
         differ |= (old != new).reshape(len(differ), -1).any(axis=1)
     differ &= bodies.present & np.isfinite(before.q).all(axis=1)
-    rows = _rows(time, before, after, set(np.flatnonzero(differ).tolist()), bodies.present)
+    rows = _rows(time, after, set(np.flatnonzero(differ).tolist()), bodies.present)
     if len(rows):
-        rows[0, changes.ENERGY : changes.IMPULSE] = _lost(system, bodies, time, before, after)
-        rows[0, changes.IMPULSE :] = _momentum(system, bodies, time, before) - _momentum(system, bodies, time, after)
+        rows[0, changes.ENERGY :] = _lost(system, bodies, time, before, after, with_impulse=True)
     return rows
 
 
@@ -288,27 +286,21 @@ def _with_masses_of(system: System, state: State, time: float) -> tuple[State, A
     return state._replace(gm=gm), np.divide(gm, state.gm, out=np.ones(len(gm)), where=state.gm > 0.0)
 
 
-def _taken(system: System, bodies: Bodies, time: float, before: State, after: State, parts: Array) -> Array:
-    """Return the energy, angular momentum and momentum that a collision took, times G, (7,): momentum where masses are
-    other parts of those that energies and momenta count.
+def _lost(
+    system: System, bodies: Bodies, time: float, before: State, after: State, *, with_impulse: bool
+) -> Array:
+    """Return the energy, the angular momentum and the momentum that massive bodies lost, times G, (7,).
+
+    with_impulse : whether momentum is counted; collisions lose none, but where masses are other parts of those that
+        energies and momenta count
     """
-    taken = np.zeros(changes.COLUMNS - changes.ENERGY)
-    taken[: changes.IMPULSE - changes.ENERGY] = _lost(system, bodies, time, before, after)
-    if (parts != 1.0).any():
-        taken[changes.IMPULSE - changes.ENERGY :] = _momentum(system, bodies, time, before) - _momentum(
-            system, bodies, time, after
-        )
-    return taken
-
-
-def _lost(system: System, bodies: Bodies, time: float, before: State, after: State) -> Array:
-    """Return the energy and the angular momentum that massive bodies lost, times G, (4,)."""
     sums = []
     for state in (before, after):
         left, gm, q, v = _of_massive(system, bodies, state)
         energy = whole(left, ENERGY, diagnostics.energy(gm, q, v, system.values.softening), q, v, time)
         spin = whole(left, ANGULAR_MOMENTUM, diagnostics.angular_momentum(gm, q, v), q, v, time)
-        sums.append(np.concatenate([[float(energy)], spin]))
+        momentum = _momentum(system, bodies, time, state) if with_impulse else np.zeros(3)
+        sums.append(np.concatenate([[float(energy)], spin, momentum]))
     lost = sums[0] - sums[1]
     if depends_on_time(system):
         lost[0] = 0.0

@@ -26,27 +26,20 @@ class Progress:
     """Shows the progress of a run.
 
     wanted : True or None for a bar on terminals and in notebooks; False for none
-    steps : of the whole run, for an `update` without them; begun : the time and the steps from which it is marched here
+    begun : the time and the steps from which it is marched here
     """
 
     def __init__(
-        self,
-        wanted: bool | None,
-        *,
-        label: str,
-        total: float,
-        unit: Any,
-        steps: int = 0,
-        begun: tuple[float, int] = (0.0, 0),
+        self, wanted: bool | None, *, label: str, total: float, unit: Any, begun: tuple[float, int] = (0.0, 0)
     ) -> None:
         self._make = kind_of_bar(wanted)
-        self._label, self._total, self._unit, self._steps = label, total, unit, steps
+        self._label, self._total, self._unit = label, total, unit
         self._from, self._steps_before = begun
         self._begun, self._compiled = time.perf_counter(), compile_time.seconds()
         self._bar: Terminal | Notebook | None = None
 
-    def update(self, done: float, steps: int | None = None) -> None:
-        """Report `done` of the total, in units of time, and the steps so far; None where only their rate is known."""
+    def update(self, done: float, steps: int) -> None:
+        """Report `done` of the total, in units of time, and the steps so far."""
         if self._make is None:
             return
         elapsed = time.perf_counter() - self._begun
@@ -55,7 +48,7 @@ class Progress:
                 return
             words.bar = self._bar = self._make(self._label, abs(self._from / self._total))
         fraction = abs(done / self._total)
-        taken = abs((done - self._from) / self._total) * self._steps if steps is None else steps - self._steps_before
+        taken = steps - self._steps_before
         at = with_unit(f"{done:,.6g} / {self._total:,.6g}", self._unit)
         marched = elapsed - (compile_time.seconds() - self._compiled)
         self._bar.show(fraction, at, f"{taken / marched:,.0f} steps/s" if marched > 0.0 else "")
@@ -80,17 +73,14 @@ class Terminal:
 
     def __init__(self, label: str, begun: float) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
-        columns = (
+        self._bar = Progress(
             "[bold]{task.description}",
             BarColumn(),
             "{task.percentage:>4.0f} %",
             "{task.fields[at]}",
             "{task.fields[rate]}",
-        )
-        self._bar = Progress(
-            *(c if not isinstance(c, str) else TextColumn(c) for c in columns),
             TimeRemainingColumn(),
             console=Console(file=sys.stderr),
             transient=True,

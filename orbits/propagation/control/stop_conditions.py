@@ -39,16 +39,13 @@ class AtDistance(Sought):
         super().__post_init__()
         object.__setattr__(self, "distance", a_distance(self.distance, f"{type(self).__name__}.distance"))
 
-    @staticmethod
-    def _words(distance: str) -> tuple[str | None, str | None]:
-        """Return what it is called where the distance of two bodies falls below this one, and rises above it."""
-        raise NotImplementedError
-
     def bound(self, system: System) -> list[Bound]:
         """Return the squared distance less that of the bound."""
         what, unit = type(self).__name__, system.units.length
         bound = float(system.units.length_value(self.distance, what))
-        pairs, words = pairs_of(system, self.body, self.other, what), self._words(with_unit(f"{bound:g}", unit))
+        pairs, least = pairs_of(system, self.body, self.other, what), with_unit(f"{bound:g}", unit)
+        closer = isinstance(self, CloserThan)
+        words = (f"closer than {least}", None) if closer else (None, f"farther than {least}")
         if self.then == STOP and self.body is not None and self.other is not None:
             self._check_start(system, pairs[0], bound)
         return [Distance(words, pairs, bound)]
@@ -82,11 +79,6 @@ class CloserThan(AtDistance):
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
 
-    @staticmethod
-    def _words(distance: str) -> tuple[str | None, str | None]:
-        """Return what it is called where the distance falls."""
-        return f"closer than {distance}", None
-
 
 @dataclass(frozen=True)
 class FartherThan(AtDistance):
@@ -102,11 +94,6 @@ class FartherThan(AtDistance):
     if they part at once. It stops as they part in the direction of the run; what is recorded is meant in time.
     Raises InputError for a distance that is not one finite number above 0, and for names that are not strings.
     """
-
-    @staticmethod
-    def _words(distance: str) -> tuple[str | None, str | None]:
-        """Return what it is called where the distance rises."""
-        return None, f"farther than {distance}"
 
 
 @dataclass(frozen=True)
@@ -161,8 +148,8 @@ class Conditions:
                 raise InputError(f"stop holds {type(c).__name__} with then=..., for events alone: give it in events=.")
         self._given = [c for c in given if isinstance(c, AtDistance)]
         self.distances = [replace(c, then=STOP) for c in self._given]
-        self._energy = self._least([c for c in given if isinstance(c, EnergyErrorAbove)], "fraction")
-        self._clock = self._least([c for c in given if isinstance(c, WallTimeOver)], "duration")
+        self._energy = self._only([c for c in given if isinstance(c, EnergyErrorAbove)])
+        self._clock = self._only([c for c in given if isinstance(c, WallTimeOver)])
         self.energy = math.inf if self._energy is None else float(self._energy.fraction)
         self.seconds = math.inf if self._clock is None else seconds_of(self._clock.duration, "WallTimeOver.duration")
 
@@ -187,7 +174,8 @@ class Conditions:
         return f"it took longer than {self.seconds:g} s", self._clock
 
     @staticmethod
-    def _least(conditions: list[Any], field: str) -> Any:
+    def _only(conditions: list[Any]) -> Any:
+        """Return the only condition of a kind, or None."""
         if len(conditions) > 1:
             raise InputError(f"stop holds {len(conditions)} {type(conditions[0]).__name__}; expected at most one.")
         return conditions[0] if conditions else None

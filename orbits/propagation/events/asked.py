@@ -173,7 +173,7 @@ def _functions_of(event: Sought, system: System) -> list[Bound]:
                 f"{name}: {type(bound).__name__} is of body number {strange[0]}; expected numbers from 0 to "
                 f"{len(system) - 1}, as system.index(a name) returns them."
             )
-        if event.stored and bound.sought and len(bound.pairs):  # `Event` tries its function itself
+        if event.stored and not isinstance(bound, Touching) and len(bound.pairs):  # `Event` tries its function itself
             _try(name, bound, system)
     return bounds
 

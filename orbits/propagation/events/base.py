@@ -179,9 +179,6 @@ class Bound:
     in the order of the system.
     """
 
-    sought: ClassVar[bool] = True
-    """Whether the zeros of a function are sought; otherwise the march finds it, as it does collisions."""
-
     within: float = np.inf
 
     def __init__(self, words: tuple[str | None, str | None], pairs: Any) -> None:
@@ -248,9 +245,9 @@ class Found(NamedTuple):
 
 
 class Touching(Bound):
-    """Two bodies touch: what that is called, the numbers of both, None for any, and what happens then."""
-
-    sought = False
+    """Two bodies touch, which the march itself seeks: what that is called, the numbers of both, None for any, and what
+    happens then.
+    """
 
     def __init__(self, word: str, first: int | None, second: int | None, then: Any) -> None:
         super().__init__((word, None), [NOBODY, NOBODY])
@@ -260,10 +257,6 @@ class Touching(Bound):
         """Return whether it applies to two bodies."""
         one, other = self.first, self.second
         return (one in (None, i) and other in (None, j)) or (one in (None, j) and other in (None, i))
-
-    def values(self, t: Array, q: Array, v: Array, columns: Whole) -> Array:
-        """Raise NotImplementedError: kernels seek steps in which bodies touch."""
-        raise NotImplementedError
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError
+from orbits.integrators.forms import Array
 from orbits.trajectory.events import BROKEN, COLUMNS, MOST_EVENTS, NUMBER, OTHER, TIME, is_possible, rows_in
 
-Array = NDArray[np.float64]
-
-PARTICLES = "particle_events", "particle_event_counts"
-"""The arrays of a checkpoint with the events of massless bodies."""
+EVENTS, PARTICLE_EVENTS = ("events", "event_counts"), ("particle_events", "particle_event_counts")
+"""The arrays of a checkpoint with the events on the motion of the bodies with mass, and with those of massless ones."""
 
 
 class Log:
@@ -23,6 +22,7 @@ class Log:
     direction : of the run in time, 1 or -1
     firm : the number of rows that lie within the steps of the march; those behind are of the part of a step at the end
         of the run, and are found again if the run is extended
+    last : the time up to which events are known, in the direction of the run
     broken : whether the search failed, so that there may be more events before the state of the march
     """
 
@@ -30,7 +30,7 @@ class Log:
         self._direction = direction
         self._rows: Array = np.empty((0, COLUMNS))
         self._count = self.firm = 0
-        self._last = -np.inf
+        self.last = -np.inf
         self.broken = False
 
     @property
@@ -39,31 +39,23 @@ class Log:
         return self._rows[: self._count]
 
     @property
-    def known(self) -> bool:
-        """Whether there are events that may be found again: before a resume, or before one that acted."""
-        return self._last > -np.inf
-
-    @property
     def full(self) -> bool:
         """Whether there is no room for another row."""
         return self._count == MOST_EVENTS
 
-    @property
-    def last(self) -> float:
-        """The time up to which events are known, in the direction of the run."""
-        return self._last
-
     def pass_by(self, time: float) -> None:
         """Take all events up to a time as known: they are in the list, and what acts has acted."""
-        self._last = time * self._direction
+        self.last = time * self._direction
 
-    def is_new(self, time: float, apart: float) -> bool:
-        """Return whether an event lies behind those that are known, by more than a time `apart`."""
-        return time * self._direction > self._last + apart
+    def are_new(self, times: Array, apart: float) -> NDArray[np.bool_]:
+        """Return which events lie behind those that are known, by more than a time `apart`: others, before a resume or
+        before one that acted, are found again.
+        """
+        return times * self._direction > self.last + apart
 
     def forget(self) -> None:
         """Take no events as known: none are found again."""
-        self._last = -np.inf
+        self.last = -np.inf
 
     def has(self, row: Array, apart: float) -> bool:
         """Return whether an event is listed that differs from another by no more than a time `apart`, and figures."""
@@ -86,11 +78,7 @@ class Log:
     def checkpoint(self) -> dict[str, NDArray[np.generic]]:
         """Return the rows as arrays of a fixed shape."""
         firm = BROKEN if self.broken else self.firm
-        return dict(zip(("events", "event_counts"), padded_rows(self.rows, firm), strict=True))
-
-    def restore(self, checkpoint: Mapping[str, NDArray[Any]], functions: int, bodies: int, path: Any) -> None:
-        """Restore a checkpoint, for a march that goes on. Raises ArchiveError for an impossible one."""
-        self.take(_firm_rows(checkpoint, ("events", "event_counts"), functions, bodies, path))
+        return dict(zip(EVENTS, padded_rows(self.rows, firm), strict=True))
 
     def take(self, rows: Array) -> None:
         """Begin with rows that are known."""
@@ -107,7 +95,7 @@ class Log:
         """Take the rows from a time on out of the list: what acts there has not acted."""
         self._count = int(((self.rows[:, TIME] - time) * self._direction < 0.0).sum())
         self.firm = min(self.firm, self._count)
-        self._last = float(self.rows[-1, TIME]) * self._direction if self._count else -np.inf
+        self.last = float(self.rows[-1, TIME]) * self._direction if self._count else -np.inf
 
     def drop_after(self, time: float) -> None:
         """Take the rows after a time out of the list."""
@@ -124,14 +112,10 @@ def padded_rows(rows: Array, firm: int) -> tuple[Array, NDArray[np.int64]]:
     return padded, np.array([len(rows), firm], dtype=np.int64)
 
 
-def rows_of_particles(checkpoint: Mapping[str, NDArray[Any]], functions: int, bodies: int, path: Any) -> Array:
-    """Return the firm rows of the events of massless bodies. Raises ArchiveError for an impossible list."""
-    return _firm_rows(checkpoint, PARTICLES, functions, bodies, path)
-
-
-def _firm_rows(
+def firm_rows(
     checkpoint: Mapping[str, NDArray[Any]], names: tuple[str, str], functions: int, bodies: int, path: Any
 ) -> Array:
+    """Return the firm rows in two arrays of a checkpoint. Raises ArchiveError for an impossible list."""
     rows = rows_in(checkpoint, *names)
     firm = 0 if rows is None else int(checkpoint[names[1]][1])
     if firm == BROKEN:

@@ -15,7 +15,7 @@ from orbits.marching.legs.next_step import in_next_steps, pass_by, step_back
 from orbits.marching.watching.leg_observers import SUSPECT
 from orbits.propagation.events.asked import Asked
 from orbits.propagation.events.base import STOP, Array, Bound, Found, Sample, Sought
-from orbits.propagation.events.log import PARTICLES, padded_rows, rows_of_particles
+from orbits.propagation.events.log import EVENTS, PARTICLE_EVENTS, firm_rows, padded_rows
 from orbits.propagation.events.search.along_motion import MotionSearch
 from orbits.propagation.events.search.meaning import SAME
 from orbits.trajectory.events import BROKEN, MOST_EVENTS, NUMBER, TIME, Events, in_order
@@ -47,15 +47,6 @@ class Seeking:
         self.particles = [MotionSearch(asked, numbers, bodies) for bodies, numbers in groups.items()]
         self.seek_of_particles: Callable[[], object] = lambda: None
 
-    def follow(self, system: System) -> None:
-        """Seek the events among bodies whose masses or radii have changed; `system` is otherwise that of the start."""
-        self.asked.follow(system)
-
-    @property
-    def on_motion(self) -> list[Sought]:
-        """The events that are sought on the motion of the bodies within the steps, as it was recorded."""
-        return [self.asked.of[k] for k in self.asked.on_motion]
-
     def check(self, marcher: Legs) -> None:
         """Raise InputError for a march that does not tell the motion within its steps."""
         if self.of_bodies and marcher.home.stepper.loops.parallel is not None:
@@ -86,31 +77,28 @@ class Seeking:
             later = in_order([log.rows[log.firm :] for log in logs], self._direction)
             count = BROKEN if any(log.broken for log in logs) else len(firm)
             rows = np.concatenate([firm, later])[:MOST_EVENTS]
-            known |= dict(zip(PARTICLES, padded_rows(rows, count), strict=True))
+            known |= dict(zip(PARTICLE_EVENTS, padded_rows(rows, count), strict=True))
         return known
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], path: Any) -> None:
         """Go on with the list of a checkpoint."""
+        expected = len(self.asked.bounds), len(self.asked.system), path
         if self.events:
             log = self.of_bodies.log
-            log.restore(checkpoint, len(self.asked.bounds), len(self.asked.system), path)
+            log.take(firm_rows(checkpoint, EVENTS, *expected))
             if self.touching:  # the march may list a collision before it comes to events that are earlier in its step
                 ends = np.array([event.then == STOP for event in self.asked.of])[log.rows[:, NUMBER].astype(int)]
                 log.forget()
                 if ends.any():
                     log.pass_by(float(log.rows[ends, TIME][-1]))
         if self.particles:
-            rows = rows_of_particles(checkpoint, len(self.asked.bounds), len(self.asked.system), path)
+            rows = firm_rows(checkpoint, PARTICLE_EVENTS, *expected)
             for search in self.particles:
                 search.log.take(rows[np.isin(rows[:, NUMBER], search.numbers)])
 
     def remarks(self) -> list[str]:
         """Return what is to be said of events that mean nothing, or may be incomplete."""
         return [*self.of_bodies.remarks(), *(said for search in self.particles for said in search.remarks())]
-
-    def note(self, row: NDArray[np.float64]) -> None:
-        """List an event that the march found. Raises EventError if there are too many."""
-        self.of_bodies.add(row, True)
 
     # ------------------------------------------------------------------------------------------- along the march
 
@@ -163,13 +151,11 @@ class Seeking:
         earlier = self.before(marcher, passed.time, record=True)
         if earlier is not None:
             return earlier
-        number, column, time = passed
-        bound, columns = self.asked.bounds[number], np.array([column])
-        t, (q, v) = np.array([time]), (x[None] for x in marcher.state_after(time - marcher.time))
-        rising = bound.words[0] is None
-        self.of_bodies.add(self.of_bodies.rows_of(number, np.array([rising]), t, q, v, columns)[0], True)
-        self.of_bodies.log.pass_by(time)
-        return Found(number, column, rising, 0, time)
+        t, (q, v) = np.array([passed.time]), (x[None] for x in marcher.state_after(passed.time - marcher.time))
+        rising, columns = np.array([passed.rising]), np.array([passed.column])
+        self.of_bodies.add(self.of_bodies.rows_of(passed.number, rising, t, q, v, columns)[0], True)
+        self.of_bodies.log.pass_by(passed.time)
+        return passed
 
     def _after(self, marcher: Legs) -> Found | None:
         if not self.of_bodies:

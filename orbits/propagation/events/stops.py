@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,20 +16,12 @@ from orbits.body_names import index_of
 from orbits.errors import InputError
 from orbits.kernels.search.stopping import ANY, CLOSER, FARTHER, KIND
 from orbits.marching.first_passage import Within, may_pass, rounding_of
-from orbits.propagation.events.base import STOP, Array, Bound, Sample, Sought, Whole
+from orbits.propagation.events.base import STOP, Array, Bound, Found, Sample, Sought, Whole
 from orbits.propagation.events.kinds.of_pairs import Distance
 
 if TYPE_CHECKING:
     from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
-
-
-class Passed(NamedTuple):
-    """Where a pair passes its bound: the number of the function, its column, and the time."""
-
-    number: int
-    column: int
-    time: float
 
 
 class Stops:
@@ -51,13 +43,13 @@ class Stops:
         within = _up_to(marcher, end)
         return any(_may_reach(within, 0.0, bound).any() for bound in self.bounds.values())
 
-    def first(self, marcher: Legs, end: Sample, known: float) -> Passed | None:
+    def first(self, marcher: Legs, end: Sample, known: float) -> Found | None:
         """Return where a pair first passes its bound between the state of the march and another, less than a step
         ahead; None if none does. A pair that begins a run at its bound must have left it before.
 
         known : the time up to which this is known, in the direction of the run
         """
-        begun, within, found = marcher.time, _up_to(marcher, end), list[Passed]()
+        begun, within, found = marcher.time, _up_to(marcher, end), list[Found]()
         passed = (known - begun * math.copysign(1.0, within.length)) / abs(within.length)
         start = min(max(passed, 0.0), 1.0)
         q, _ = within.state(0.0)
@@ -70,7 +62,8 @@ class Stops:
                 waits = begun == start == 0.0 and is_at_bound
                 part = within.first_passage(one, other, bound.distance, noise=noise, waits=waits, **how)
                 if part is not None:
-                    found.append(Passed(number, int(column), begun + part * within.length))
+                    time, rising = begun + part * within.length, bound.words[0] is None
+                    found.append(Found(number, int(column), rising, 0, time))
         return min(found, key=lambda one: abs(one.time - begun), default=None)
 
 

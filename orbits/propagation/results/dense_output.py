@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, with_unit
-from orbits.integrators.forms import padded
+from orbits.errors import EpochError, InputError, with_unit
+from orbits.integrators.forms import Array, padded
 from orbits.marching.legs.step_keeping import steps_apart
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
+from orbits.propagation.checks.before_the_start import check_span
 from orbits.propagation.marchers import bound
 from orbits.propagation.results.marched_again import MarchedAgain
 from orbits.system.model import most_inner
-from orbits.time_grid import snapped, times_since
+from orbits.time_grid import TimeGrid, snapped, times_since
 from orbits.trajectory.work import accounts_of
 from orbits.units import date_text, told_apart
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 START = -1
 """Stands among the numbers of samples for the start of a run."""
@@ -98,7 +98,7 @@ def _states(trajectory: Trajectory, times: Array, what: str) -> tuple[Array, Arr
         place = _outside_excursions(trajectory, known)[place]
         before, begun = order[place], known[place]
         accounts = _accounts(trajectory, before) if most_inner(trajectory.system) and not changes else None
-        _marched(trajectory, begun, before, lambda k: _state(trajectory, k), times, missing, q, v, accounts)
+        _marched(trajectory, begun, before, lambda k: state_of(trajectory, k), times, missing, q, v, accounts)
         return q, v, times, accounts
     starts, marched = kept.times[:, 0], missing
     if steps_apart(trajectory.integrator, trajectory.system.massive) == 1:
@@ -124,8 +124,8 @@ def _outside_excursions(trajectory: Trajectory, times: Array) -> NDArray[np.intp
     return np.where(last >= 0, last, np.arange(len(times)))
 
 
-def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array]:
-    """Return q and v, (bodies, 3), of a sample, or of the start of the run."""
+def state_of(trajectory: Trajectory, sample: int) -> tuple[Array, Array]:
+    """Return q and v, (bodies, 3), of a sample, or of the `START` of the run."""
     if sample == START:
         return trajectory.system.values.q, trajectory.system.values.v
     return trajectory._sample(sample)
@@ -199,3 +199,33 @@ def _marched(
         if clock.changes:
             later = np.abs(times) > abs(particle.time.value)
         q[later, body] = v[later, body] = np.nan
+
+
+def states_before(run: Trajectory, times: Array) -> tuple[Array, Array]:
+    """Return q and v, (m, bodies, 3) each, at m times before the earliest one of a run; NaN for bodies not there yet.
+
+    The run is continued backwards with its own method and steps from its earliest state. Neither events nor collisions
+    are sought there. Raises EpochError if an ephemeris of the run begins later.
+    """
+    first = run._earliest
+    system = run.at(first)
+    dt = run.clock if run.clock.changes else abs(run.step)
+    grid = TimeGrid.of(system, dt, duration=float(np.min(times)) - first)
+    try:
+        check_span(system, grid)
+    except EpochError as error:
+        early = with_unit(f"{abs(grid.end):.3g}", system.units.time)
+        raise EpochError(
+            f"light that is seen at the earliest time of the run left up to {early} before it, where it is marched "
+            f"back to: {error} Or give times that are as much later."
+        ) from None
+    clock = grid.clock
+    start = system.values.q, system.values.v
+    march = bound(system, run.integrator, clock, threads=1, state=start)
+    q, v = np.full((2, len(times), len(run.names), 3), np.nan)
+    there = [run.names.index(name) for name in system.names]
+    order = np.argsort(-times, kind="stable")
+    for some, *states in march.along(clock.places(times[order] - first)):
+        rows = order[some, None]
+        q[rows, there], v[rows, there] = states
+    return q, v

@@ -18,9 +18,9 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.errors import InputError, IntegrationError, Interrupted
+from orbits.integrators.forms import Array
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.marchers import bound
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from orbits.marching.clocks.constant import Clock
     from orbits.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 FINER = 0.7
 """The steps of the first companion, as a fraction of those of the run. Not a power of two, with which multiples of h

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.marching.clocks.step_times import Place
 from orbits.propagation.marchers import bound
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
     from orbits.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 class MarchedAgain:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.integrators.forms import padded
+from orbits.integrators.forms import Array, padded
 from orbits.marching.clocks.step_times import Place
-from orbits.propagation.events.search.of_particles import with_light
-from orbits.propagation.marchers import bound, march_of
+from orbits.propagation.marchers import bound, march_of, with_light
+from orbits.propagation.results.dense_output import state_of
 from orbits.system.model import continued, model, most_inner
 from orbits.trajectory.work import accounts_of
 
@@ -23,47 +23,38 @@ if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
-Array = NDArray[np.float64]
-
 
 class Walk:
     """A march of massive and some massless bodies along the steps of a run, from a sample or (-1) its start."""
 
     def __init__(self, trajectory: Trajectory, sample: int, bodies: Sequence[int]) -> None:
         system = trajectory.system
-        q, v, time = _state(trajectory, sample)
+        (q, v), time = state_of(trajectory, sample), 0.0 if sample < 0 else float(trajectory.times[sample])
         wanted = system.massive.copy()
         wanted[list(bodies)] = True
         self.bodies = np.flatnonzero(wanted)
-        step, rest = trajectory.clock.place(time)
-        self.step: float = step
-        self._clock = trajectory.clock
+        self._clock, self._begun, self._place = trajectory.clock, time, Place(0, 0.0)
+        self._first, rest = trajectory.clock.place(time)
         self._integrator, self._system = trajectory.integrator, system
         if most_inner(system) and sample >= 0:
             self._system = continued(system, accounts_of(trajectory)[sample])
         self._excursions = trajectory.excursions
         self.marcher = self._bound(q[wanted], v[wanted], time)
-        if self._clock.changes:
-            self._begun = self.step = time
-        elif rest != 0.0:
-            at = self._clock.time(step)
+        if rest != 0.0 and not self._clock.changes:
+            at = self._clock.time(self._first)
             home, names = self.marcher.home, [system.names[i] for i in self.bodies]
             state = home.state_after(-rest)
             if most_inner(system):
                 self._system = continued(self._system, home.accounts(), names)
             self.marcher = self._bound(*state, at)
-        self._first, self._place = int(self.step) if not self._clock.changes else 0, Place(0, 0.0)
 
     def to(self, step: float) -> None:
         """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
         if self._clock.changes:
-            self.step = step
-            self.marcher.advance_to(Place(0, step - self._begun))
-            return
-        # Passages between two steps, of bodies that took chosen ones there, have their state within a step.
-        self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
+            self._place = Place(0, step - self._begun)
+        else:  # passages between two steps, of bodies that took chosen ones there, have their state within a step
+            self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
         self.marcher.advance_to(self._place)
-        self.step = step
 
     def states(self, steps: Array) -> tuple[Array, Array]:
         """March on, and return q and v of its bodies, (m, bodies, 3), at the beginnings of m steps ahead, in order."""
@@ -84,8 +75,7 @@ class Walk:
 
     def after(self, offset: float) -> tuple[Array, Array]:
         """Return q and v of its bodies, (bodies, 3), a time after the beginning of the step."""
-        begun = Place(0, self.step - self._begun) if self._clock.changes else self._place
-        return self.marcher.state_at(begun._replace(rest=begun.rest + offset))
+        return self.marcher.state_at(self._place._replace(rest=self._place.rest + offset))
 
     def _bound(self, q: Array, v: Array, start: float) -> Legs:
         # All massive bodies are included, so the model of the run applies.
@@ -114,12 +104,10 @@ class OnePair:
         self._rows = {int(body): row for row, body in enumerate(walk.bodies)}
 
     def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
-        """Return position and velocity of the body relative to the other, (m, 6), after partial steps."""
         found = [self._relative(self._passage.other, offset) for offset in offsets.tolist()]
         return np.array(found).reshape(len(rows), 6)
 
     def about(self, dominant: int) -> Array:
-        """Return position and velocity of the body relative to the dominant one, (1, 6)."""
         none = dominant < 0 or self._passage.body == dominant
         return np.zeros((1, 6)) if none else self._relative(dominant, 0.0)[None]
 
@@ -168,7 +156,6 @@ class PairsTogether:
         self._partial = march.home.stepper.partial_steps()
 
     def apart(self, rows: NDArray[np.intp], offsets: Array) -> Array:
-        """Return position and velocity of the bodies of some passages relative to the others, (m, 6)."""
         q, v = np.empty((2, len(rows), 3 * self._n))
         starts, every = rows.astype(np.int64), np.ones(len(rows), dtype=bool)
         self._partial.take(self._path, starts, self._times[rows], np.ascontiguousarray(offsets), every, q, v)
@@ -177,7 +164,6 @@ class PairsTogether:
         return (both[k, :, :, self._bodies[rows]] - both[k, :, :, self._others[rows]]).reshape(len(rows), 6)
 
     def about(self, dominant: int) -> Array:
-        """Return position and velocity of the bodies relative to the dominant one, (passages, 6)."""
         k = np.arange(len(self._states))
         if dominant < 0:
             return np.zeros((len(k), 6))
@@ -204,11 +190,3 @@ def _share(force: Force, name: str) -> Hashable:
     values = (getattr(force, field) for field in force.per_body)
     k = list(force.bodies).index(name)
     return tuple(str(value[k]) for value in values if isinstance(value, tuple))
-
-
-def _state(trajectory: Trajectory, sample: int) -> tuple[Array, Array, float]:
-    """Return q and v, (bodies, 3), and the time of a sample, or (-1) of the start of the run."""
-    if sample < 0:
-        return trajectory.system.values.q, trajectory.system.values.v, 0.0
-    q, v = trajectory._sample(sample)
-    return q, v, float(trajectory.times[sample])

@@ -9,12 +9,13 @@ import math
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.roots import newton
@@ -27,7 +28,6 @@ from orbits.system.model import most_inner
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 WIDER = 2.0
 """The factor by which the search interval is wider than the estimated error of a passage's time, if steps differ."""
@@ -68,9 +68,10 @@ def refine(trajectory: Trajectory, seen: Seen, numbers: Iterable[int]) -> None:
             with suppress(IntegrationError):  # the run failed here
                 walk = Walk(trajectory, sample, sorted(bodies))
                 for k in some:
-                    walk.to(seen.passages[k].step)
-                    pair = OnePair(walk, seen.passages[k])
-                    _keep(seen, [k], _refined(pair, trajectory, seen, [seen.passages[k]], walk.chooses(walk.step)))
+                    passage = seen.passages[k]
+                    walk.to(passage.step)
+                    chosen = walk.chooses(passage.step)
+                    _keep(seen, [k], _refined(OnePair(walk, passage), trajectory, seen, [passage], chosen))
         seen.refined.update(ones)
 
 
@@ -147,14 +148,6 @@ def _recedes(passage: Passage, clock: Clock) -> bool:
     return passage.steps != passage.step and float(passage.state[:3] @ passage.state[3:]) * clock.direction > 0.0
 
 
-class _Least(NamedTuple):
-    """Minimum distances: the parts of steps at which they are, and relative speeds there, (passages,) each."""
-
-    part: Array
-    distance: Array
-    speed: Array
-
-
 def _refined(
     pairs: Pairs, trajectory: Trajectory, seen: Seen, passages: Sequence[Passage], chosen: bool
 ) -> list[Passage]:
@@ -198,9 +191,9 @@ def _lengths(pairs: Pairs, rows: NDArray[np.intp], guess: Array, limit: Array) -
     return length
 
 
-def _least(pairs: Pairs, rows: NDArray[np.intp], mu: Array, h: Array, part: Array, end: Array) -> _Least:
-    """Return the minimum distances of some pairs within their steps h, by Newton's method on r.v with the acceleration
-    of the pair alone.
+def _least(pairs: Pairs, rows: NDArray[np.intp], mu: Array, h: Array, part: Array, end: Array) -> tuple[Array, ...]:
+    """Return the parts of steps h at which the distances of some pairs are least, these, and the relative speeds there,
+    by Newton's method on r.v with the acceleration of the pair alone.
 
     part : of the step at which to begin
     end : the part of the step that belongs to the run; the minimum is there if the two still approach each other
@@ -216,4 +209,4 @@ def _least(pairs: Pairs, rows: NDArray[np.intp], mu: Array, h: Array, part: Arra
         return fall, slope
 
     part, _ = newton(falls, np.zeros(len(rows)), end, part)
-    return _Least(part, *(np.linalg.norm(state[:, k : k + 3], axis=1) for k in (0, 3)))
+    return part, *(np.linalg.norm(state[:, k : k + 3], axis=1) for k in (0, 3))

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from astropy import units as u
-from numpy.typing import NDArray
 
 from orbits.checks import is_whole
 from orbits.diagnostics.shadow import require_shadow, shadow_energies, taken_back
@@ -16,8 +15,6 @@ from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.marching.flow import DiscretePath
 from orbits.system.model import acts_on_massive, depends_on_time, given_bodies, lagrangian_of
 from orbits.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 MORE, MOST = 6, 12
 """How far the order may be above that of the method, by default and at most."""

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.checks import checked_flag
 from orbits.errors import InputError, IntegrationError, shown
+from orbits.integrators.forms import Array
 from orbits.marching.legs.excursions.chosen_steps import PREFIX as AWAY
 from orbits.time_grid import TimeGrid
+from orbits.trajectory.marched_again import MarchesAgain
 
 if TYPE_CHECKING:
     from orbits.marching.following.retirement import Retirement
@@ -30,37 +30,27 @@ if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
     from orbits.trajectory.retired import RetiredParticles
 
-Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class Replay:
-    """Marches runs again with their own method and step; `propagate` and `resume` give it to a `Trajectory`."""
+class Replay(MarchesAgain):
+    """Marches runs again with their own method and step, for the methods of `Trajectory`."""
 
     def begun(self, run: Trajectory) -> March:
-        """Return a march of a run from its initial state."""
         from orbits.propagation.marchers import bound
 
         _refuse_legs(run, "run.to_spk() marches")
         return bound(run.system, run.integrator, run.clock)
 
     def at(self, run: Trajectory, t: Any) -> Any:
-        """Return the state of a run at a time, or the states at several."""
         from orbits.propagation.results.dense_output import state_at
 
         return state_at(run, t)
 
     def before(self, run: Trajectory, times: Array) -> tuple[Array, Array]:
-        """Return q and v, (m, bodies, 3), at m times before the earliest one of a run."""
-        from orbits.propagation.results.earlier_states import states_before
+        from orbits.propagation.results.dense_output import states_before
 
         return states_before(run, times)
 
     def closest_approaches(self, run: Trajectory, covariance: Any = None, body: str | None = None) -> Approaches:
-        """Return the closest approaches of bodies in a run; covariance, body : as in `Trajectory.closest_approaches`.
-
-        Raises InputError for a trajectory with samples only, and for a run that did not look for them.
-        """
         seen = seen_by(run)
         if not seen.looked:
             raise InputError(
@@ -82,7 +72,6 @@ class Replay:
         return approaches_of(run, seen, partial(sigmas_of_passages, run, given))
 
     def unresolved(self, run: Trajectory) -> list[Approach]:
-        """Return the close passages that the step of a run did not resolve, worst first. Raises as above."""
         from orbits.propagation.checks.unresolved_passages import spoiling
 
         seen = seen_by(run)
@@ -93,14 +82,12 @@ class Replay:
         return approaches.several(found)
 
     def error_estimate(self, run: Trajectory) -> ErrorBars:
-        """Return the error bars of a run, from two companions."""
         from orbits.propagation.results.error_estimate import error_bars
 
         _refuse_legs(run, "the companions of run.error_estimate() march")
         return error_bars(run)
 
     def megno(self, run: Trajectory, *, coupled: bool, seed: int) -> Megno:
-        """Return MEGNO and Lyapunov exponents along a run."""
         from orbits.propagation.variations.following import require_followable
         from orbits.propagation.variations.megno import checked_seed, megno_of
 
@@ -110,7 +97,6 @@ class Replay:
         return megno_of(run.system, run.integrator, grid, coupled=checked_flag(coupled, "coupled"), seed=seed)
 
     def state_transition(self, run: Trajectory, *, coupled: bool, parameters: Sequence[str]) -> StateTransition:
-        """Return the state-transition matrices at the samples of a run."""
         from orbits.propagation.variations.state_transition import asked_parameters, state_transition_of
 
         _refuse_legs(run, "the tangent vectors of run.state_transition() march")
@@ -119,9 +105,7 @@ class Replay:
         return state_transition_of(run.system, run.integrator, grid, coupled=coupled, parameters=asked)
 
     def retired(self, run: Trajectory) -> RetiredParticles:
-        """Return the retired particles of a run in an archive, as listed in its last checkpoint, and those lost between
-        its last whole step and its last sample.
-        """
+        # Those listed in its last checkpoint, and those lost between its last whole step and its last sample.
         from orbits.trajectory.retired import RetiredParticles
 
         checkpoint = {} if run.archive is None else run.archive.checkpoint()
@@ -144,7 +128,6 @@ class Replay:
         return RetiredParticles.of(run.system, run.clock, rows, run.changes)
 
     def stopped(self, run: Trajectory) -> Stop:
-        """Return why and where a run in an archive was ended."""
         from astropy import units as u
 
         from orbits.results.stop import Stop

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, Interrupted, StorageError
+from orbits.integrators.forms import Array
 from orbits.marching.legs.excursions.chosen_steps import COUNTS as EXCURSIONS
 from orbits.propagation.control.signals import StopRequest
 from orbits.propagation.control.stop_conditions import Conditions
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from orbits.archive import Archive
     from orbits.propagation.events.base import Sought
 
-Array = NDArray[np.float64]
 
 MARCHED = ("q", "q_lo", "v", "v_lo", "memory")
 """The arrays of a checkpoint from which a march goes on; those of massless particles have a prefix."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.archive.ended import ENDED, Ended
 from orbits.archive.pace import PACE, Pace
 from orbits.errors import ArchiveError, InputError
+from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.marching.legs.march import March
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from orbits.propagation.events.seeking import Seeking
     from orbits.propagation.resuming.step_store import StepStore
 
-Array = NDArray[np.float64]
 
 CHUNK_BYTES = 16 * 1024 * 1024
 """Samples kept in memory before they are written."""
@@ -43,9 +43,8 @@ class SampleStore:
 
     bodies : number of bodies in each sample; room : number of samples to expect
     accounts : (samples, forces, 7 + most internal variables), work, torque and impulse of forces up to each sample of
-        the run, and their internal variables there, known up to the next sample; by default there are no forces
-    steps : what keeps the steps of the run for dense output, or None
-    events : those that are sought, if any
+        the run, and their internal variables there, known up to the next sample
+    events : those that are sought; steps : what keeps the steps of the run for dense output, or None
     pace : when the run was begun or resumed, and where; None to commit nothing of it
 
     ended : how the run ended, for the last commit
@@ -56,15 +55,14 @@ class SampleStore:
         bodies: int,
         room: int,
         writer: ArchiveWriter | None,
-        accounts: Array | None = None,
+        accounts: Array,
+        events: Seeking,
         steps: StepStore | None = None,
-        events: Seeking | None = None,
         pace: Pace | None = None,
     ) -> None:
-        self._events, self.ended, self._pace = events, Ended(), pace
-        self._writer, self._accounts = writer, no_accounts(room, 0) if accounts is None else accounts
-        self.steps = steps
-        self._next = len(self._accounts) - room
+        self._writer, self._accounts, self._events, self.steps = writer, accounts, events, steps
+        self._pace, self.ended = pace, Ended()
+        self._next = len(accounts) - room
         if writer is not None:
             room = min(room, max(1, CHUNK_BYTES // (48 * bodies)))
         needed = 48 * room * bodies
@@ -80,17 +78,12 @@ class SampleStore:
 
     @property
     def full(self) -> bool:
-        """Whether a commit is needed before the next sample."""
-        return self._writer is not None and (self._count == len(self._q) or self.overdue)
-
-    @property
-    def overdue(self) -> bool:
-        """Whether the archive is due for a commit: soon after the start, and then more and more rarely, but before the
-        steps kept for dense output fill the memory.
+        """Whether a commit is needed before the next sample: one is due soon after the start, and then more and more
+        rarely, but before samples, or steps kept for dense output, fill their memory.
         """
         if self._writer is None:
             return False
-        if self.steps is not None and self.steps.full:
+        if self._count == len(self._q) or (self.steps is not None and self.steps.full):
             return True
         elapsed = self._committed_at - self._begun
         pause = min(COMMIT_SECONDS, max(FIRST_COMMIT_SECONDS, COMMIT_SHARE * elapsed))
@@ -114,16 +107,15 @@ class SampleStore:
     def commit(self, marcher: March) -> None:
         """Write all samples so far, and the state to continue from, durably to the archive."""
         if self._writer is not None:
-            if self._events is not None:
-                self._events.complete()
+            self._events.complete()
             pace = None if self._pace is None else self._pace.now(marcher.time)
-            checkpoint = checkpoint_of(marcher, self._accounts, self._events, self.ended, pace)
+            checkpoint = checkpoint_of(marcher, self._accounts, self._events, pace, self.ended)
             new = self._q[: self._count], self._v[: self._count], checkpoint
             if self.steps is None:
                 self._writer.commit(*new)
             else:
-                self._writer.commit(*new, self.steps.pieces())
-                self.steps.written()
+                self._writer.commit(*new, self.steps.kept.pieces())
+                self.steps.kept.clear()
             self._count = 0
             self._committed_at = time.perf_counter()
 
@@ -133,19 +125,15 @@ class SampleStore:
 
 
 def checkpoint_of(
-    marcher: March,
-    accounts: Array,
-    events: Seeking | None = None,
-    ended: Ended | None = None,
-    pace: Pace | None = None,
+    marcher: March, accounts: Array, events: Seeking, pace: Pace | None, ended: Ended | None = None
 ) -> dict[str, NDArray[np.generic]]:
     """Return the state from which to resume, with the time integrals of forces, if any, up to each sample, with the
-    events found so far, with how the run ended, if it did, and with its pace, if it is given.
+    events found so far, with its pace, if it is given, and with how the run ended, if it did.
     """
     known: dict[str, NDArray[np.generic]] = {ENDED: (Ended() if ended is None else ended).encoded()}
     known |= {} if pace is None else {PACE: pace.encoded()}
     known |= {ACCOUNTS: accounts.copy()} if accounts.size else {}
-    return {**marcher.checkpoint(), **known, **({} if events is None else events.checkpoint())}
+    return {**marcher.checkpoint(), **known, **events.checkpoint()}
 
 
 def no_accounts(samples: int, forces: int, inner: int = 0) -> Array:

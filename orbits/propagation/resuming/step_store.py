@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.errors import ArchiveError, InputError, StorageError
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.marching.legs.step_keeping import keep_steps, steps_apart
 from orbits.marching.stepping.kept_steps import PIECE_BYTES, StepsInMemory
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
 
-Array = NDArray[np.float64]
 
 FIRST_BYTES = 16 * 1024 * 1024
 """The most room for steps that are not known beforehand, when an archive is created."""
@@ -34,7 +32,7 @@ class StepStore:
     """Collects the states at the beginnings of the steps of a march, the first one included.
 
     marcher : at its start, or where an archived run is resumed; fresh : whether nothing is kept yet
-    in_memory : whether they stay in memory; else `pieces` are written to an archive, and then cleared
+    in_memory : whether they stay in memory; else what is `kept` is written to an archive, and then cleared
     """
 
     def __init__(self, marcher: Legs, *, fresh: bool = True, in_memory: bool) -> None:
@@ -56,14 +54,6 @@ class StepStore:
     def full(self) -> bool:
         """Whether they should be written to the archive."""
         return not self._in_memory and self.kept.nbytes >= PIECE_BYTES
-
-    def pieces(self) -> Iterator[tuple[Array, Array, Array]]:
-        """Yield the times, q and v of those not yet written."""
-        return self.kept.pieces()
-
-    def written(self) -> None:
-        """Note that all were written to the archive."""
-        self.kept.clear()
 
 
 def check_memory(system: System, integrator: Integrator, grid: TimeGrid) -> None:

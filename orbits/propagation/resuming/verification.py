@@ -161,7 +161,7 @@ def _verified(
     if archive.steps is not None:
         findings.append(_steps(archive))
     sound = whole and not damaged
-    findings.append(_numbers(archive, damaged, listed=sound))
+    findings.append(_numbers(archive, damaged))
     if sound and findings[-1].ok:
         run = of_archive(Trajectory, Archive.open(path), path=path)
         with run.archive:  # type: ignore[union-attr]
@@ -223,7 +223,7 @@ def _steps(archive: Archive) -> Finding:
     return Finding("dense output", f"{count:,} states hold their checksums, and are in the order of their times")
 
 
-def _numbers(archive: Archive, damaged: list[tuple[int, int]], *, listed: bool) -> Finding:
+def _numbers(archive: Archive, damaged: list[tuple[int, int]]) -> Finding:
     """Check that times ascend and samples are finite, but for bodies that are gone from some sample on, and for samples
     of massless bodies between two steps, to which no partial step may lead.
     """

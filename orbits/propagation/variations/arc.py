@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from orbits.diagnostics.hermite import between
 from orbits.errors import ConvergenceError
+from orbits.integrators.forms import Array
 from orbits.integrators.gauss import Gauss
 from orbits.lagrangians.terms.in_ephemeris import InEphemeris
 from orbits.marching.clocks.adaptive import Adaptive
@@ -28,8 +29,6 @@ from orbits.propagation.variations.following import particle_of
 from orbits.system import System
 from orbits.system.model import model
 from orbits.system.parameters import GM, parameters_of, with_values
-
-Array = NDArray[np.float64]
 
 METHOD = Gauss(stages=8)
 

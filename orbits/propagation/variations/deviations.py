@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.body_names import few, index_of
 from orbits.checks import finite_numbers
 from orbits.errors import InputError
 from orbits.finding import Finding
+from orbits.integrators.forms import Array
 from orbits.propagation.results.recording import observed_until
 from orbits.propagation.variations.following import require_followable
 from orbits.propagation.variations.state_transition import state_transition_of
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from orbits.system import System
     from orbits.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 
 AT_END = 1e-12
 """Of the length of a run: how near to its ends a passage is there."""

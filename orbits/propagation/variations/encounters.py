@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 from astropy import units as u
-from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import finite_number, positive_number
 from orbits.elements.target_plane import OnPlane, on_target_plane
 from orbits.ephemeris import AU_KM
 from orbits.errors import InputError, shown
+from orbits.integrators.forms import Array
 from orbits.observing.earth import turning
 from orbits.observing.stations import EARTH_RADIUS
 from orbits.propagation.run import propagate
@@ -23,8 +23,6 @@ from orbits.system import System
 from orbits.time_grid import times_since
 from orbits.trajectory import Trajectory
 from orbits.units import written
-
-Array = NDArray[np.float64]
 
 STEP = 1e-5
 """Of central differences, relative to distance and speed."""

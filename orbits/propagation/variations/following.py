@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from orbits.checks import whole_number
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.legs import within_step
@@ -19,15 +20,13 @@ from orbits.marching.stepping.choice_of_form import form_of_bodies
 from orbits.marching.stepping.pool import Pool
 from orbits.marching.tangents.in_maps import MapTangents, require_map_tangents
 from orbits.marching.tangents.of_bodies import Tangents, require_tangents
-from orbits.propagation.events.search.of_particles import with_light
-from orbits.propagation.marchers import bound
+from orbits.propagation.marchers import bound, with_light
 from orbits.propagation.variations.slopes import slopes_of
 from orbits.system import System
 from orbits.system.model import given_bodies, model
 from orbits.system.parameters import Parameter
 from orbits.time_grid import TimeGrid
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 
 
@@ -154,7 +153,10 @@ def at_samples(
     exactly : at the sample, after a part of a step; otherwise after the last whole step before it
     """
     if isinstance(tangents, MapTangents):
-        yield from _at_samples_of_a_map(grid, tangents, exactly=exactly)
+        for sample, time in enumerate(grid.times.tolist()):
+            place = grid.place(sample)
+            tangents.advance(place)
+            yield (tangents.seen(place.rest), time) if exactly else (tangents, tangents.time)
         return
     march = bound(followed.system, integrator, grid.clock, threads=1, dense=True)
     for sample, time in enumerate(grid.times.tolist()):
@@ -168,12 +170,3 @@ def at_samples(
         for motion, _ in within_step.stretches(*within_step.towards(march.leg, time)):
             part.follow(motion)
         yield part, time
-
-
-def _at_samples_of_a_map(
-    grid: TimeGrid, tangents: MapTangents, *, exactly: bool
-) -> Iterator[tuple[MapTangents, float]]:
-    for sample, time in enumerate(grid.times.tolist()):
-        place = grid.place(sample)
-        tangents.advance(place)
-        yield (tangents.seen(place.rest), time) if exactly else (tangents, tangents.time)

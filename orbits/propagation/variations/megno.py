@@ -17,7 +17,6 @@ from typing import Any, Literal, Unpack
 
 import numpy as np
 from astropy import units as u
-from numpy.typing import NDArray
 
 from orbits import integrators
 from orbits.checks import checked_flag, whole_number
@@ -25,6 +24,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, IntegrationError, RetiredWarning, shown
 from orbits.finding import Finding
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.marching.tangents.of_particles import march_together
 from orbits.propagation.checks.before_the_start import found_ahead, warn_or_refuse
 from orbits.propagation.variations.following import (
@@ -47,8 +47,6 @@ from orbits.results.megno import Megno, TangentGrowth
 from orbits.system import System
 from orbits.system.model import given_bodies, model
 from orbits.time_grid import TimeGrid, dynamical_time
-
-Array = NDArray[np.float64]
 
 VECTORS = 8
 """The tangent vectors that are followed by default: they fill the lanes of a register, so that eight take the time of

@@ -7,25 +7,23 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.body_names import few
 from orbits.checks import whole_number
 from orbits.errors import RetiredWarning, StepWarning, counted, with_unit
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.integrators.maps.encounters import WARN
 from orbits.marching.legs.leg import available_threads
 from orbits.marching.tangents.of_particles import ParticleTangents, Passages
-from orbits.marching.watching.kepler_passages import HILL_RADII, near_a_planet
-from orbits.propagation.checks.kepler_splitting import encounters
+from orbits.marching.watching.kepler_passages import HILL_RADII
+from orbits.propagation.checks.kepler_splitting import encounters, start_near_planets
 from orbits.propagation.marchers import bound
 from orbits.results.passages import Seen
 from orbits.system import System
 from orbits.system.model import model
 from orbits.time_grid import TimeGrid
-
-Array = NDArray[np.float64]
 
 
 class Growths(NamedTuple):
@@ -112,26 +110,13 @@ def _mean(values: Array) -> Array:
     return np.asarray(total / values.shape[1])
 
 
-def _starts_inside(system: System) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the massless particles that start within the reach of a planet, and the numbers of these among the massive
-    bodies.
-    """
-    values, massive = system.values, system.massive
-    gm, x = values.gm[massive], values.q[massive]
-    sun = int(gm.argmax())
-    planets = np.delete(np.arange(len(gm)), sun)
-    found = near_a_planet(values.q[~massive] - x[sun], x[planets] - x[sun], gm[planets], float(gm[sun]))
-    inside = np.flatnonzero(found >= 0)
-    return inside, planets[found[inside]]
-
-
 def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, passages: Passages) -> None:
     """Write the times of passages, put NaN for what is not known, and warn."""
     names = np.array(system.names, dtype=object)[~system.massive]
     bodies = np.array(system.names, dtype=object)[system.massive]
     retires = integrator.in_encounters.retire_particles
     if retires:  # those that start too close are retired at once, though most have no passage to be seen by
-        inside, planet = _starts_inside(system)
+        inside, planet = start_near_planets(system)
         passages.near[inside], passages.planet[inside] = 0.0, planet
     times = np.fmin(abs(passages.near), abs(passages.sharp))
     out.passage[:] = times * grid.direction

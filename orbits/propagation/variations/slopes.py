@@ -7,16 +7,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits.errors import InputError
+from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import acted_on
 from orbits.marching.tangents.of_bodies import Slopes
 from orbits.system import System
 from orbits.system.model import model
 from orbits.system.parameters import Parameter, parameters_of, with_values
-
-Array = NDArray[np.float64]
 
 FIRST, LEVELS = 0.25, 6
 """Richardson's extrapolation of differences over this part of the value, and over half of it, so many times: its error

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any, Literal, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from orbits import integrators
 from orbits.checks import checked_flag
@@ -14,6 +13,7 @@ from orbits.elsewhere import NoOthers, unknown_argument
 from orbits.errors import InputError, RetiredWarning, counted
 from orbits.finding import SHOWN, Finding
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.propagation.checks.available_memory import MEMORY_SHARE, memory
 from orbits.propagation.checks.before_the_start import found_ahead, warn_or_refuse
 from orbits.propagation.marchers import bound
@@ -31,8 +31,6 @@ from orbits.system import System
 from orbits.system.model import given_bodies
 from orbits.system.parameters import Parameter, parameters_of
 from orbits.time_grid import TimeGrid
-
-Array = NDArray[np.float64]
 
 
 def state_transition(
@@ -123,39 +121,6 @@ def state_transition_of(
     at_end: bool = False,
 ) -> StateTransition:
     """As `state_transition`, on an existing grid of steps and samples; at_end : without an axis of samples."""
-    matrix, beside, momenta = matrices(system, integrator, grid, coupled, threads, parameters)
-    times = np.array(grid.times)
-    if at_end:
-        times, matrix, beside = times[0], matrix[0], beside[0]
-    return StateTransition(
-        system,
-        np.asarray(times),
-        matrix,
-        momenta,
-        made_by=made_by(system, integrator, grid),
-        parameters=tuple(one.name for one in parameters),
-        by_parameters=beside,
-    )
-
-
-def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
-    """Return method and steps in words."""
-    if grid.clock.changes:
-        return f"{integrator.label}, {grid.clock.describe(integrator)}"  # type: ignore[attr-defined]
-    return f"{integrator.label}, dt = {grid.dt:g} {system.units.time}".rstrip()
-
-
-def matrices(
-    system: System,
-    integrator: Integrator,
-    grid: TimeGrid,
-    coupled: bool,
-    threads: int | None,
-    parameters: Sequence[Parameter] = (),
-) -> tuple[Array, Array, Array]:
-    """Return the matrix at each sample, (n, 6 N, 6 N), the derivatives by parameters, (n, 6 N, P), and those of (q, p)
-    by (q, v) of the massive bodies at the start and at each sample; see `Tangents.to_momenta`.
-    """
     N = len(system.names)
     needed = 8 * len(grid) * (6 * N) ** 2
     if needed > MEMORY_SHARE * memory():
@@ -187,7 +152,23 @@ def matrices(
             ).warn()
     if integrator.in_encounters.retire_particles and particles:
         _forget_retired(system, integrator, grid, out)
-    return out.reshape(len(grid), 6 * N, 6 * N), beside.reshape(len(grid), 6 * N, -1), momenta
+    samples: Any = 0 if at_end else slice(None)
+    return StateTransition(
+        system,
+        np.array(grid.times[samples]),
+        out.reshape(len(grid), 6 * N, 6 * N)[samples],
+        momenta,
+        made_by=made_by(system, integrator, grid),
+        parameters=tuple(one.name for one in parameters),
+        by_parameters=beside.reshape(len(grid), 6 * N, -1)[samples],
+    )
+
+
+def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
+    """Return method and steps in words."""
+    if grid.clock.changes:
+        return f"{integrator.label}, {grid.clock.describe(integrator)}"  # type: ignore[attr-defined]
+    return f"{integrator.label}, dt = {grid.dt:g} {system.units.time}".rstrip()
 
 
 def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out: Array) -> None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from orbits.body_names import index_of
 from orbits.checks import checked_flag
-from orbits.elements.frames import checked_frame
 from orbits.errors import InputError, UnknownNameError, shown
 from orbits.observing.line_of_sight import LineOfSight, arrived, line_of_sight
 from orbits.propagation.events.base import NOBODY, Array, Bound, Sought, Whole, dot
@@ -113,7 +112,8 @@ class Sight:
 
     def apart(self, a: Array, b: Array) -> Array:
         """Return how far apart both are on the sky, (m,): the angle between them."""
-        return angle_between(a, b)
+        across = np.cross(a, b)
+        return np.asarray(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))
 
     def disc(self, radius: float, way: Array) -> Array:
         """Return how large a sphere is on the sky, (m,): its angular radius; a right angle within it."""
@@ -192,7 +192,7 @@ class SeenBound(Bound):
         out = super().figures(t, q, v, columns)
         if self._sight.observer != NOBODY:
             a, b, _, _ = self._sight.of(q, v)
-            out[:, 2] = angle_between(a, b)
+            out[:, 2] = self._sight.apart(a, b)
         return out
 
 
@@ -208,11 +208,6 @@ class Conjunction(Seen):
     """
 
     frame: str | None = field(default=None, kw_only=True)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.frame is not None:
-            checked_frame(self.frame)
 
     def bound(self, system: System) -> list[Bound]:
         """Return the sine of the difference of longitudes, times the distances from the axis."""
@@ -277,11 +272,10 @@ class Transit(Seen):
                     "System(radii=...), or system.add(..., radius=...)."
                 )
         sign = 1.0 if word == "transit" else -1.0
-        outer, inner, least = ((1, 4), (2, 3), None)
         return [
-            Discs(tuple(f"{word}, contact {k}" for k in outer), sight, radii, sign, 1.0),
-            Discs(tuple(f"{word}, contact {k}" for k in inner), sight, radii, sign, -1.0),
-            Closest((least, f"{word}, closest"), sight, radii, sign),
+            Discs((f"{word}, contact 1", f"{word}, contact 4"), sight, radii, sign, 1.0),
+            Discs((f"{word}, contact 2", f"{word}, contact 3"), sight, radii, sign, -1.0),
+            Closest((None, f"{word}, closest"), sight, radii, sign),
         ]
 
 
@@ -328,9 +322,3 @@ class Closest(Discs):
         """Return where the discs overlap, and the first body is on the right side."""
         overlap = Discs.of(self, *self._sight.of(q, v)) < 0.0
         return np.asarray(overlap & super().keeps(t, q, v, columns))
-
-
-def angle_between(a: Array, b: Array) -> Array:
-    """Return the angles between vectors, (m,)."""
-    across = np.cross(a, b)
-    return np.asarray(np.arctan2(np.sqrt(dot(across, across)), dot(a, b)))

@@ -94,14 +94,6 @@ class MotionSearch:
         self.numbers = [k for k in self.numbers if len(self._bounds[k].pairs)]
         self._begin_leg()
 
-    def go_through(
-        self, time: float, before: tuple[Array, Array], after: tuple[Array, Array], left: Left
-    ) -> Found | None:
-        """Go on after a collision, as `go_on_with`, and through what it changes, as `jump`."""
-        former = list(self._bounds)
-        self.go_on_with(left)
-        return self.jump(former, time, before, after)
-
     def jump(
         self,
         former: list[Bound],
@@ -264,8 +256,7 @@ class MotionSearch:
             order = order[[not self.log.has(row, apart) for row in rows[order]]]
         # The stretch to the end of a run may be far shorter than the step in which an event was found before.
         apart = max(SAME * float(abs(np.diff(times)).max()), ROUNDED * float(abs(times).max()))
-        if self.log.known:
-            order = order[[self.log.is_new(float(time), apart) for time in rows[order, TIME]]]
+        order = order[self.log.are_new(rows[order, TIME], apart)]
         acting = [k for k in order if self._of[int(rows[k, NUMBER])].interrupts]
         last = float(rows[acting[0], TIME]) if acting else np.inf * self._direction
         # Behind it they would count as known.

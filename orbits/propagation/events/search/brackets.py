@@ -115,7 +115,7 @@ def brackets_of(bounds: Sequence[Bound], stretch: Stretch) -> list[tuple[list[Br
         _brackets_of_pairs(bound, compiled[number], stretch) if number in compiled else []
         for number, bound in enumerate(bounds)
     ]
-    others = {k: bound for k, bound in enumerate(bounds) if bound.sought and k not in compiled}
+    others = {k: bound for k, bound in enumerate(bounds) if k not in compiled}
     failed = _add_brackets(others, stretch, found) if others else {}
     return [(parts, failed.get(number)) for number, parts in enumerate(found)]
 

@@ -146,8 +146,7 @@ def _parted(along: Along, some: Brackets) -> tuple[Brackets, Brackets]:
     around, single = some.of(some.turns), some.of(~some.turns)
     if not len(around.steps):
         return single, around
-    where = around.steps, around.columns, around.low, around.high, around.g_low, around.g_high
-    middle, g_middle = _extrema(along, *where)
+    middle, g_middle = _extrema(along, around)
     two = np.where(around.g_low >= 0.0, g_middle < 0.0, g_middle > 0.0)
     near = ~two & (np.abs(g_middle) < NEAR_ZERO * np.minimum(np.abs(around.g_low), np.abs(around.g_high)))
     middle, g_middle = middle[two], g_middle[two]
@@ -256,26 +255,19 @@ def _along(bound: Bound, stretch: Stretch, rough: bool = True) -> Along:
     return along
 
 
-def _extrema(
-    along: Along,
-    steps: Whole,
-    columns: Whole,
-    low: Array,
-    high: Array,
-    g_low: Array,
-    g_high: Array,
-) -> tuple[Array, Array]:
-    """Return where functions are least, or largest if they are negative, and their values there.
+def _extrema(along: Along, some: Brackets) -> tuple[Array, Array]:
+    """Return where functions are least in brackets, or largest if they are negative, and their values there.
 
     The search for one ends early at a place where the function has the other sign.
     """
-    sign = np.where(g_low >= 0.0, 1.0, -1.0)
-    best, g_best = low.copy(), np.abs(g_low)
+    low, high, sign = some.low, some.high, np.where(some.g_low >= 0.0, 1.0, -1.0)
+    best, g_best = low.copy(), np.abs(some.g_low)
 
     def slopes(x: Array, which: Whole) -> tuple[Array, Array]:
         apart = APART * (high - low)[which]
         three = np.concatenate([x - apart, x, x + apart])
-        g = along(np.tile(steps[which], 3), three, np.tile(columns[which], 3)).reshape(3, -1) * sign[which]
+        k, c = np.tile(some.steps[which], 3), np.tile(some.columns[which], 3)
+        g = along(k, three, c).reshape(3, -1) * sign[which]
         lower = g[1] < g_best[which]
         best[which[lower]], g_best[which[lower]] = x[lower], g[1][lower]
         slope, bend = g[2] - g[0], g[2] - 2.0 * g[1] + g[0]

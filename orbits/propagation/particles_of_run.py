@@ -14,12 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
+from weakref import proxy
 
 import numpy as np
 from numpy.typing import NDArray
 
 from orbits.errors import EventError, IntegrationError, with_unit
 from orbits.integrators.base import Integrator
+from orbits.integrators.forms import Array
 from orbits.integrators.maps.encounters import FOLLOW
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock
@@ -30,19 +32,15 @@ from orbits.propagation.events.base import Found, Sample
 from orbits.propagation.events.functions import Raised
 from orbits.propagation.events.search.along_motion import NUMBERS, MotionSearch
 from orbits.propagation.events.search.brackets import NotFiniteError
-from orbits.propagation.events.seeking import Seeking
-from orbits.propagation.marchers import bound
+from orbits.propagation.marchers import bound, with_light
 from orbits.system import System
 from orbits.time_grid import dynamical_time
 from orbits.trajectory.events import MOST_EVENTS
 
 if TYPE_CHECKING:
     from orbits.marching.legs.excursions.planet_excursions import Legs
-
-Array = NDArray[np.float64]
-
-LIGHT = 1e-36
-"""The mass of a followed body as a fraction of the lightest massive one: it moves no last bit of any."""
+    from orbits.propagation.loop import Run
+    from orbits.propagation.run_ends import RunEnds
 
 NOTHING = 1e-9
 """The fraction of a step, of the dynamical time, or of the distance of two bodies, in which nothing happens twice."""
@@ -54,44 +52,101 @@ OFF = 1e-9
 """How far it may pass a sample, as a fraction of the longest way of a body in a step."""
 
 
-class ParticleSearches:
-    """The massless bodies of a run whose events are sought, followed from sample to sample.
+class ParticlesOfRun:
+    """The massless bodies of a run whose events are sought, followed from sample to sample along its loop.
 
-    seeking : the events of the run; begun : where the run begins, or the last sample before it goes on
-
-    stops : whether any of them ends the run
+    may_end : whether any of these events may end the run
     """
 
-    def __init__(
-        self, system: System, integrator: Integrator, clock: Clock, seeking: Seeking, begun: Sample
-    ) -> None:
-        self._system, self._integrator, self._clock = system, integrator, clock
-        self._searches, self._last = seeking.particles, begun
+    def __init__(self, run: Run) -> None:
+        system, values, clock = run.system, run.system.values, run.grid.clock
+        # No circle of references: its events call `seek`, and a run has megabytes.
+        self._watch: RunEnds = proxy(run.watch)
+        self._system, self._integrator, self._clock, self._marcher = system, run.integrator, clock, run.marcher.current
+        self._searches = run.watch.events.particles
+        self._last = run.watch.before or Sample(0.0, values.q, values.v)  # from which they are followed
         self._light = [with_light(system, search.subjects) for search in self._searches]
         self._scales = [dynamical_time(light) for light, _ in self._light]
-        self.stops = any(search.interrupts for search in self._searches)
-        together = clock.lets_particles_choose and not self.stops
+        self.may_end = any(search.interrupts for search in self._searches)
+        together = clock.lets_particles_choose and not self.may_end
         self._most = min(TOGETHER, NUMBERS // (6 * len(system))) if together else 1
+        self._waiting: list[Sample] = []
+        self._step = self._reached = self._marcher.step
+        self._end, self._kept = float(run.grid.goals[-1]), self._now()
+        run.watch.events.seek_of_particles = self.seek
 
     def __bool__(self) -> bool:
         """Whether there are any."""
         return bool(self._searches)
 
-    @property
-    def last(self) -> Sample:
-        """The sample from which they are followed."""
-        return self._last
+    def reach(self, times: Array, q: Array, v: Array, *, later: bool = False) -> bool:
+        """Take the next samples; one alone, before it is stored, if `may_end`. Return whether an event up to it ends
+        the run. Events that only record are sought up to several samples at once.
 
-    def enough(self, samples: int, steps: int) -> bool:
-        """Return whether to seek events after so many samples and steps of the run; if they may end it, after each."""
-        return samples >= self._most or steps >= MANY // 2
+        times : (m,), with q and v, (m or more, n, 3); later : whether nothing is sought before the end of the run
+        """
+        if not self._searches:
+            return False
+        begun, steps = self._reached, self._marcher.step - self._reached
+        for k, when in enumerate(times.tolist()):
+            self._waiting.append(Sample(when, q[k].copy(), v[k].copy()))
+            self._reached = begun + steps * (k + 1) // len(times)  # about the steps up to it
+            enough = len(self._waiting) >= self._most or self._reached - self._step >= MANY // 2
+            # No run is complete before its events are known.
+            if (enough or when == self._end) and not later and self.seek():
+                return True
+        return False
 
-    def that_may_find(self, samples: Sequence[Sample]) -> list[list[int]]:
-        """Return for the way to each of the next samples the numbers of the searches that may find events on it."""
-        may_find = [self._may_find(k, samples) for k in range(len(self._searches))]
-        return [[k for k, on_ways in enumerate(may_find) if on_ways[way]] for way in range(len(samples))]
+    def seek(self) -> bool:
+        """Seek events up to the last sample that was taken; return whether one of them ends the run."""
+        waiting, self._waiting, self._step = self._waiting, [], self._reached
+        may_find = [self._may_find(k, waiting) for k in range(len(self._searches))]
+        for way, sample in enumerate(waiting):
+            searches = [k for k, on_ways in enumerate(may_find) if on_ways[way]]
+            if searches and self._ends_by(sample.time, sample, searches):
+                return True
+            self._last = sample
+            for search in self._searches:
+                search.log.settle()
+            self._kept = self._now()
+        return False
 
-    def seek(
+    def end(self) -> None:
+        """Seek events up to the time at which the run was ended, if it was; an earlier one ends it instead."""
+        stopped = self._watch.stopped
+        if self._searches and stopped is not None:
+            self._ends_by(float(stopped.time.value))
+
+    def _ends_by(self, time: float, end: Sample | None = None, searches: Sequence[int] | None = None) -> bool:
+        if (time - self._last.time) * self._clock.direction <= 0.0:
+            return False
+        watch, marcher = self._watch, self._marcher
+        lost = {one.body: float(self._clock.time(one.reading)) for one in marcher.retired()}
+        first = self._first(time, lost, end, searches)
+        if first is None:
+            return False
+        search, found = first
+        state = self._state_at(found.time)
+        watch.end_at(search.asked.happening(found, state), found.time, state)
+        if self._kept is not None:
+            # The march has gone beyond: an archive goes on from the last sample, and finds again what comes after.
+            checkpoint, firm = self._kept
+            if (found.time - marcher.time) * self._clock.direction > 0.0:
+                watch.events.before(marcher, found.time, record=True)
+            watch.events.of_bodies.flush()
+            watch.events.of_bodies.log.drop_after(found.time)
+            watch.events.of_bodies.log.firm = min(firm, len(watch.events.of_bodies.log.rows))
+            marcher.restore(checkpoint)
+        return True
+
+    def _now(self) -> tuple[dict[str, NDArray[np.generic]], int] | None:
+        """Return where the march is, and how many of its events are firm, if particles may end it after that."""
+        if not self.may_end:
+            return None
+        self._watch.events.of_bodies.flush()
+        return self._marcher.checkpoint(), self._watch.events.of_bodies.log.firm
+
+    def _first(
         self, time: float, lost: dict[int, float], end: Sample | None = None, which: Sequence[int] | None = None
     ) -> tuple[MotionSearch, Found] | None:
         """Seek events from the last sample up to a time; return the first one that ends the run, if any, with its
@@ -122,13 +177,7 @@ class ParticleSearches:
                 search.log.drop_after(first[1].time)
         return first
 
-    def go_on(self, sample: Sample) -> None:
-        """Follow them from the next sample, up to which events were sought."""
-        self._last = sample
-        for search in self._searches:
-            search.log.settle()
-
-    def state_at(self, time: float) -> tuple[Array, Array]:
+    def _state_at(self, time: float) -> tuple[Array, Array]:
         """Return q and v of all bodies, (n, 3), at a time after the last sample, as `run.at` computes them."""
         march, start = along_steps(self._system, self._integrator, self._clock, *self._last)
         place = self._clock.place(time - start)
@@ -248,14 +297,3 @@ def along_steps(
         march = bound(system, integrator, clock, threads=1, state=state, start=time, **options)
         state = march.home.state_after(start - time)
     return bound(system, integrator, clock, threads=1, state=state, start=start, **options), start
-
-
-def with_light(system: System, particles: tuple[int, ...]) -> tuple[System, NDArray[np.bool_]]:
-    """Return the massive bodies of a system and these particles, with a mass, and which of all bodies these are."""
-    there = system.massive.copy()
-    there[list(particles)] = True
-    gone = [name for name, stays in zip(system.names, there, strict=True) if not stays]
-    left = system.remove(*gone) if gone else system
-    gm = left.values.gm.copy()
-    gm[gm == 0.0] = LIGHT * gm[gm > 0.0].min()
-    return left.replaced(gm=gm), there
