@@ -74,7 +74,7 @@ class RetiredParticles(Named, Tabled, Sequence[RetiredParticle]):
         vanished = {} if changes is None else changes.vanished()
         particles = []
         for body, step, reading, reason, q, v in rows:
-            time = u.Quantity(vanished.get(body, clock.time(reading)), units.time)
+            time = u.Quantity(vanished.get(body, clock.time(reading)) + 0.0, units.time)  # not -0
             date = None if epoch is None else written(epoch + time)
             place, speed = u.Quantity(q, units.length), u.Quantity(v, units.speed)
             particles.append(RetiredParticle(system.names[body], reason, step, time, date, place, speed))

@@ -20,6 +20,8 @@ from typing import Any
 import orbits
 from orbits.archive import steps
 from orbits.archive.storage import Storage
+from orbits.marching.legs.samples import SamplesOfLeg
+from orbits.propagation import loop
 from orbits.propagation.resuming import sample_store, step_store
 
 from . import small
@@ -98,19 +100,21 @@ def wrong_with_steps(path: Path) -> str | None:
 
 def main(folder: Path, every: int) -> None:
     small.straight()
-    sample_store.COMMIT_SECONDS = 0.0
+    sample_store.COMMIT_SECONDS, loop.AT_ONCE = 0.0, 1
+    SamplesOfLeg.together = lambda samples, places: 1  # type: ignore[method-assign]
     step_store.FIRST_BYTES, step_store.PIECE_BYTES, steps.CHUNK_BYTES = 0, 10_000, 5_000
     small.all_steps()
     os.fsync = lambda descriptor: None  # a killed process loses nothing that it has written, whatever the device has
     half, whole = small.interrupted(folder / "half.h5"), small.finished(folder / "whole.h5")
     (folder / "run").mkdir()
     path = folder / "run" / "run.h5"
+    on_its_way: dict[str, Any] = {"progress": False, "threads": 1}
     kinds: dict[str, tuple[Path | None, Callable[[], object]]] = {
         "made": (None, lambda: small.propagate(path)),
         "overwritten": (whole, lambda: small.propagate(path, overwrite=True)),
-        "resumed": (half, lambda: orbits.resume(path, progress=False, threads=1)),
+        "resumed": (half, lambda: orbits.resume(path, **on_its_way)),
         "kept": (None, lambda: small.keeping(path)),
-        "extended": (whole, lambda: orbits.resume(path, until=small.LONGER, progress=False, threads=1)),
+        "extended": (whole, lambda: orbits.resume(path, until=small.LONGER, **on_its_way)),
     }
     killed, found = 0, []
     for kind, (before, work) in kinds.items():

@@ -15,9 +15,15 @@ from orbits.propagation.resuming import sample_store
 
 METHOD = orbits.StormerVerlet()
 SAMPLES = 13
+
+
+def look(time: Any, state: Any) -> None:
+    """A callback, for which samples are taken, and committed, one by one."""
+
+
 ARGUMENTS: dict[str, Any] = {
     "dt": 0.5 * u.day, "duration": 60 * u.day, "samples": SAMPLES, "progress": False, "check_step": False, "threads": 1,
-    "approaches": True,
+    "approaches": True, "callback": look,
 }  # fmt: skip
 LONGER = 80 * u.day
 

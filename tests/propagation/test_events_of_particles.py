@@ -421,7 +421,7 @@ def test_a_motion_that_no_step_resolves_is_said_so_and_what_was_before_is_kept(m
     with pytest.raises(EventError, match=r"of probe cannot be sought from t = 9 to 12: .*smaller dt") as error:
         sought(Pericentre("probe"), dt=0.02)
     run = error.value.trajectory
-    assert run.times.tolist() == [0.0, 3.0, 6.0, 9.0]
+    assert run.times.tolist() == [0.0, 3.0, 6.0, 9.0, 12.0]
     assert len(run.events) == 3  # the last one in the steps before that one
 
 

@@ -209,7 +209,7 @@ class SamplesThroughStages(SamplesOfParticles):
                     raise IntegrationError("a massless body cannot be followed to a sample.")
                 shown[i] = state["particle_q"][:, :m], state["particle_v"][:, :m]
                 shown[i, :, :, retired.gone()] = np.nan
-                if leg.problem.forces:
+                if before is not None and leg.problem.forces:
                     leg.shown[i] = {**leg.shown[i], "particle_memory": state["particle_memory"].copy()}
         finally:
             leg.stepper.evaluations, leg.stepper.particle_evaluations = counts
