@@ -25,7 +25,7 @@ def plain(value: Any, what: str) -> Any:
 
     what : in words, what has them. Raises InputError for values that JSON cannot represent.
     """
-    if hasattr(value, "tolist") and not hasattr(value, "unit"):
+    if hasattr(value, "tolist") and getattr(value, "unit", None) is None:
         value = value.tolist()
     if isinstance(value, Mapping):
         return {str(key): plain(item, what) for key, item in value.items()}

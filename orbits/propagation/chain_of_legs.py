@@ -320,7 +320,7 @@ class SamplesOfChain(Samples):
         """
         march, self._waits_at = self._march, None
         if self._first is not None and (self._first - end) * march.clock.direction < 0.0:
-            self._waits_at = march.time
+            self._first, self._waits_at = None, march.time
         return self._waits_at is not None
 
     def passed(self, places: Places) -> int:

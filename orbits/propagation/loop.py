@@ -301,10 +301,11 @@ def _sample(
             except IntegrationError as error:
                 failure = error
             passed = marcher.samples.passed(places.between(index, min(last, count))) if last > index + 1 else 0
-            q = v = _NOTHING
+            q = v = accounts = _NOTHING
             if passed:
                 try:
                     q, v = marcher.samples.in_block(places.between(index, index + passed))
+                    accounts = marcher.samples.accounts()
                 except IntegrationError:
                     singly = last
                     continue
@@ -317,7 +318,7 @@ def _sample(
             elif steps != step:
                 passed = min(passed, marcher.samples.passed(places.between(index, index + passed)))
             if passed:
-                store.add(q[:passed], v[:passed], marcher.samples.accounts()[:passed])
+                store.add(q[:passed], v[:passed], accounts[:passed])
                 particles.reach(grid.goals[index : index + passed], q, v, later=failure is not None)
                 index += passed
             bar.update(marcher.time, steps)

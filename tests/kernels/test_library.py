@@ -156,3 +156,24 @@ def test_kernels_that_call_each_other_work_in_a_second_process(tmp_path):
     for _ in range(2):
         done = subprocess.run(program, env=environment, capture_output=True, text=True)
         assert (done.returncode, done.stdout) == (0, "0.15625\n"), done.stderr
+
+
+NUMBERS = """
+import os, orbits.kernels.compile
+from numba.core.bytecode import FunctionIdentity
+if not os.fork():
+    print(next(FunctionIdentity._unique_ids), flush=True)
+    os._exit(0)
+os.wait()
+print(next(FunctionIdentity._unique_ids))
+"""
+
+
+def test_no_two_processes_give_functions_the_same_numbers():
+    """Two closures of one factory, one of them out of the cache, had one name in a kernel for particles under drag: it
+    called the same one twice, and was wrong by 2e-5, or by other numbers in each call.
+    """
+    run = [sys.executable, "-c", NUMBERS]
+    numbers = [line for _ in range(3) for line in subprocess.check_output(run, text=True).split()]
+    assert len(set(numbers)) == 6
+    assert min(map(int, numbers)) > 10**6

@@ -151,6 +151,20 @@ def test_samples_of_what_is_in_carries_are_those_one_by_one_and_end_no_block(wha
     assert blocks <= 4 < many
 
 
+def test_accounts_of_forces_are_those_at_their_samples_where_a_pair_may_come_to_its_bound():
+    """The search at the end of such a block asks for other states: all samples of it had the account of one of these,
+    and the drift of the energy was 2e-2.
+    """
+    system = planets().replaced(forces=[orbits.terms.Drag(rate=1e-2 / u.yr)])
+    stop = orbits.events.CloserThan(1.1 * u.au, "a", "b", then="stop")
+    options = {"dt": 2 * u.day, "duration": 1200 * u.day, "samples": 601, "events": [stop], "check_step": False}
+    together = orbits.propagate(system, GAUSS, **options)
+    one_by_one = orbits.propagate(system, GAUSS, callback=lambda t, state: None, **options)
+    assert together.stopped is not None
+    assert np.array_equal(together._accounts, one_by_one._accounts)
+    assert np.abs(together.drift().energy).max() < 1e-13
+
+
 def ring() -> orbits.System:
     """Bodies on one circle about another, which run into each other, a massless one among them."""
     angles, speeds = np.array([0.0, 0.3, 0.5, 1.1, 1.6, 2.4]), np.array([1.0, 0.97, 1.02, 0.99, 0.96, 1.01])

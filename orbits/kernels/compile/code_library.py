@@ -7,14 +7,23 @@ disk the callee's own, later a copy in the library of the caller, or of another 
 before. Here each library calls its own copies, which are invisible to others: equal inputs then give equal bits, in
 whatever order code was compiled or loaded.
 
+Functions of one qualified name and one signature, such as those that one factory makes, have a number in their names,
+which Numba counts from 1 in each process. One that comes out of the cache and another that is compiled now could have
+the same, and in the library that calls both one would take the place of the other: wrong results, kept in the cache.
+Here each process begins to count at a random number.
+
 It uses private parts of Numba, as the cache does; pyproject.toml pins the tested range of versions.
 """
 
 from __future__ import annotations
 
+import itertools
+import os
+import secrets
 from typing import Any
 
 from llvmlite.binding import Linkage, parse_assembly
+from numba.core.bytecode import FunctionIdentity
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.compiler import Compiler
 
@@ -22,6 +31,16 @@ from orbits.kernels.compile.operator_types import remembering
 
 ENVIRONMENT = "_ZN08NumbaEnv"
 """Prefix of the names of the variables by which Numba finds the constants of a function."""
+
+
+def _begin_numbers() -> None:
+    """Let the numbers in the names of functions differ from those of other processes."""
+    FunctionIdentity._unique_ids = itertools.count(secrets.randbits(60))
+
+
+_begin_numbers()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_begin_numbers)
 
 
 UNNEEDED = ("WithLifting", "InlineClosureLikes", "InlineOverloads", "NopythonRewrites")

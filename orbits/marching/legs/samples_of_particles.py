@@ -222,11 +222,11 @@ class SamplesThroughStages(SamplesOfParticles):
         return bool(len(self._places.steps) and first[step] < first[step + 1])
 
     def _kept(self, step: int) -> Mapping[str, Array]:
-        """Return what is kept of the state at the beginning of a step of the last block, or at its end."""
+        """Return what is kept of the state at the beginning of a step of the last block, or at its end. Those in its
+        first step were taken `ahead`, before it.
+        """
         if step == self._steps:
             return self._leg.stepper.state
-        if step == 0:
-            return self._leg.loop.begun
         row = self._shown.first[step]
         q, q_lo, v, v_lo = self._shown.states[row].reshape(4, 3, -1)
         columns = {"particle_q": q, "particle_q_lo": q_lo, "particle_v": v, "particle_v_lo": v_lo}
