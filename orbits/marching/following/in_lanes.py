@@ -41,18 +41,16 @@ def march_in_lanes(own, form, method, model, clock, block, particles, room, p, s
     carry = begin_pair(method, model, one, two, storages)
     record_particles(track, 0, one.x, one.y, one.z, one.vx, one.vy, one.vz)
     record_particles(other, 0, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-    evaluations, done = 0, 0
-    while done < steps:
-        if has_sample(particles.samples, done):
-            _keep(method, particles.samples, room, block.stages[done], done, p, P, one, two, carry)
-        first, done = done, _next_sample(particles.samples, done + 1, steps)
-        for k in range(first, done):
-            (t, h), storages = step_of(clock, k), (_at(block, particles, room, k, p), _at(block, particles, room, k, P))
-            one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
-            # At once, as methods that march other variables need these no longer.
-            record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
-            record_particles(other, k + 1, two.x, two.y, two.z, two.vx, two.vy, two.vz)
-            evaluations += count * (stop - p)
+    evaluations = 0
+    for k in range(steps):
+        (t, h), storages = step_of(clock, k), (_at(block, particles, room, k, p), _at(block, particles, room, k, P))
+        if has_sample(particles.samples, k):
+            _keep(method, particles.samples, room, block.stages[k], k, p, P, one, two, carry)
+        one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
+        # At once, as methods that march other variables need these no longer.
+        record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+        record_particles(other, k + 1, two.x, two.y, two.z, two.vx, two.vy, two.vz)
+        evaluations += count * (stop - p)
     keep_pair(method, carry, storages)
     _finish(columns, retired, track, steps, p, one, stop)
     call_observer(room.observer, room.context, track, h, steps, p, stop)
@@ -62,17 +60,7 @@ def march_in_lanes(own, form, method, model, clock, block, particles, room, p, s
     return evaluations
 
 
-@kernel(inline=True)
-def _next_sample(samples, k, steps):
-    """Return the first step, from step k on, in which there is a sample; the number of steps if there is none."""
-    if samples.first.shape[0] == 0:
-        return steps
-    while k < steps and not has_sample(samples, k):
-        k += 1
-    return k
-
-
-@kernel(inline=True)
+@kernel
 def _keep(method, samples, room, stages, k, p, P, one, two, carry):
     """Keep particles p ... p + 7 and P ... P + 7 at the beginning of step k, in which there is a sample."""
     columns, memory = kept_at(samples, k)
