@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _NOTHING = np.zeros((0, 2, 0))
 
+
 class Samples:
     """States of a march at samples, to each of which it leads in turn."""
 
@@ -45,8 +46,9 @@ class Samples:
         return 0
 
     def in_block(self, places: Places) -> tuple[Array, Array]:
-        """Return (q, v), each (m, n, 3), at places in the block just marched. Raises an IntegrationError if a partial
-        step to one fails; the march is then at the beginning of the block.
+        """Return (q, v), each (m, n, 3), at places in the block just marched, before anything else is asked of the
+        march. Raises an IntegrationError if a partial step to one fails; the march is then at the beginning of the
+        block.
         """
         raise NotImplementedError
 
