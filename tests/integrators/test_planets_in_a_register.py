@@ -10,6 +10,7 @@ import orbits
 from orbits.elements import state_from_elements
 from orbits.kernels.maps.interaction import displace, interact, modify
 from orbits.kernels.maps.jacobi_stages import (
+    NO_TABLE,
     advance_planets,
     finish_velocities,
     step_lazy,
@@ -73,7 +74,8 @@ def marcher(gm, q, v, h, *, looks=True, **options):
 def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
     h = 3.0
     gm, q, v = solar_system(count)
-    march, model = marcher(gm, q, v, h, kernel=kick), Model(newtonian.tag, parameters(gm))
+    march, strength = marcher(gm, q, v, h, kernel=kick), parameters(gm)
+    model = Model(newtonian.tag, strength)
     march.advance(5)
     begun = march.stepper.state["memory"], march.stepper.loops._scratch
     planets, room = (x.copy() for x in begun)
@@ -83,13 +85,13 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(kick, count):
         advance_planets(other, its_room, h, h / 2)
         interact(other, its_room, count, False)
         if kick == "standard":
-            step_plain(None, model, planets, room, h)
+            step_plain(None, model, strength, planets, room, room, NO_TABLE, h)
         elif kick == "lazy":
-            step_lazy(None, model, planets, room, h, shift)
+            step_lazy(None, model, strength, planets, room, room, NO_TABLE, h, shift)
             displace(other, its_room, shift)
             interact(other, its_room, count, True)
         else:
-            step_modified(None, model, planets, room, h, shift)
+            step_modified(None, model, strength, planets, room, room, NO_TABLE, h, shift)
             modify(other, its_room, count, shift)
         finish_velocities(other, its_room, h / 2)
     assert np.isfinite(planets).all()

@@ -115,7 +115,7 @@ def test_a_step_in_registers_has_the_bits_of_its_parts(count):
     other, its_room = planets.copy(), room.copy()
     _, stages = programs_of.py_func(DEFAULT.second_order.coefficients(6.0, 6.0))
     for _ in range(10):
-        step_in_pairs(None, planets, room, count, stages)
+        step_in_pairs(None, parameters(gm), planets, room, stages, room, 0)
         for kick, drift in stages[:, LENGTH].reshape(-1, 2):
             interact(other, its_room, count, False)
             advance_planets(other, its_room, drift, kick)

@@ -26,19 +26,12 @@ from orbits.integrators.maps.on_kepler_orbits import InJacobiCoordinates, Progra
 from orbits.kernels.compile import kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.jacobi import number_planets, prepare_room, show_planets
-from orbits.kernels.maps.jacobi_stages import (
-    NO_TABLE,
-    evaluate_kick,
-    step_in_memory,
-    step_lazy,
-    step_modified,
-    step_plain,
-)
+from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, take_step
 from orbits.kernels.maps.jacobi_tables import table_rows
 from orbits.kernels.maps.layout import kind_of, registers_of, stay_in_registers
 from orbits.kernels.maps.nearest import begin_nearest
-from orbits.kernels.maps.programs import ANGLE, DRIFT, FLOW, KICK, LAZY, MODIFIED, SHIFT, STANDARD, WHOLE
-from orbits.kernels.maps.terms_by_kind import if_terms, strength_of
+from orbits.kernels.maps.programs import ANGLE, DRIFT, FLOW, KICK, LAZY, MODIFIED, SHIFT, STANDARD
+from orbits.kernels.maps.terms_by_kind import strength_of
 from orbits.kernels.steps import OK
 from orbits.tableaux.correctors import corrector_lengths
 
@@ -64,19 +57,11 @@ def begin(method, model, t, h, state, storage):
 
 @kernel(inline=True)
 def step(method, model, t, h, state, storage):
-    """Take one step: half a kick, Kepler motions, half a kick, with half the flow of terms that depend on velocities
-    before and after the motions.
-    """
-    registers, planets, room, own = registers_of(method), storage.carry, storage.scratch, method.coefficients
-    terms = if_terms(model)
-    if not stay_in_registers(registers, room):
-        step_in_memory(registers, model, own, planets, room, storage.stages, NO_TABLE, NO_TABLE)
-    elif own[0, KICK] == LAZY:
-        step_lazy(registers, terms, planets, room, own[0, WHOLE], own[0, SHIFT])
-    elif own[0, KICK] == MODIFIED:
-        step_modified(registers, terms, planets, room, own[0, WHOLE], own[0, SHIFT])
-    else:
-        step_plain(registers, terms, planets, room, own[0, WHOLE])
+    """Take one step."""
+    table = storage.stages
+    take_step(
+        registers_of(method), model, method.coefficients, storage.carry, storage.scratch, table, NO_TABLE, NO_TABLE
+    )
     return OK, 0, 1
 
 

@@ -18,7 +18,7 @@ from orbits.kernels.maps.jacobi_particles import (
     seen_at,
     with_interaction,
 )
-from orbits.kernels.maps.jacobi_stages import evaluate_kick, step_in_memory
+from orbits.kernels.maps.jacobi_stages import evaluate_kick, take_step
 from orbits.kernels.maps.jacobi_tables import flow_rows, table_rows, tabulate_centres
 from orbits.kernels.maps.layout import registers_of
 from orbits.kernels.maps.programs import KICK, LAZY, SHIFT, WHOLE
@@ -40,7 +40,7 @@ def step_among_particles(method, model, t, h, state, storage):
     """As `step`, with the table after it, and two of the flow of terms: of the planets to the same bits."""
     planets, room, table, strength = storage.carry, storage.scratch, storage.stages, strength_of(model)
     after, flows = table_rows(strength.shape[0] - 2), flow_rows(strength.shape[0] - 2)
-    step_in_memory(registers_of(method), model, method.coefficients, planets, room, table, after, flows)
+    take_step(registers_of(method), model, method.coefficients, planets, room, table, after, flows)
     tabulate_centres(strength, planets, room, table, after)
     return OK, 0, 1
 

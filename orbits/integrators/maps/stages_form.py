@@ -26,7 +26,7 @@ from orbits.kernels.maps.jacobi_particles import (
 from orbits.kernels.maps.jacobi_tables import table_rows
 from orbits.kernels.maps.layout import rooms
 from orbits.kernels.maps.programs import DRIFT, HEADER, LENGTH, STANDARD, programs_of
-from orbits.kernels.maps.stages import at_the_end, jump_of, kick_and_drift, step_in_stages, tabulate_origins
+from orbits.kernels.maps.stages import at_the_end, jump_of, step_in_stages, tabulate_origins
 from orbits.kernels.steps import OK
 from orbits.tableaux.near_integrable import binary_splitting
 
@@ -36,7 +36,7 @@ def step(method, model, t, h, state, storage):
     """Take one step."""
     room, _ = rooms(storage.carry, storage.scratch)
     _, stages = programs_of(method.coefficients)
-    step_in_stages(method, model, storage.carry, room)
+    step_in_stages(method, model, storage.carry, room, storage.stages, 0)
     return OK, 0, stages.shape[0] // 2
 
 
@@ -45,13 +45,10 @@ def step_among_particles(method, model, t, h, state, storage):
     """As `step`, with a table at each kick: of the planets to the same bits."""
     planets, table, strength = storage.carry, storage.stages, model.parameters
     (room, copy), (_, stages) = rooms(planets, storage.scratch), programs_of(method.coefficients)
-    kicks, rows = stages.shape[0] // 2, table_rows(strength.shape[0] - 2)
-    for i in range(kicks):
-        kick, drift = stages[2 * i, LENGTH], stages[2 * i + 1, LENGTH]
-        kick_and_drift(method, model, kick, drift, planets, room, table, i * rows)
+    step_in_stages(method, model, planets, room, table, table_rows(strength.shape[0] - 2))
     at_the_end(method, planets, room, copy)
     tabulate_origins(method, strength, copy, room, table)
-    return OK, 0, kicks
+    return OK, 0, stages.shape[0] // 2
 
 
 @kernel(inline=True)

@@ -21,7 +21,7 @@ Source: Wisdom & Holman (1991), AJ 102, 1528; Rein & Tamayo (2015), MNRAS 452, 3
 from __future__ import annotations
 
 from orbits.kernels.compile import kernel
-from orbits.kernels.lanes import WIDTH, exact_sub, fma, lane, load, store, store_some, sums_after, unit
+from orbits.kernels.lanes import WIDTH, exact_sub, fma, lane, load, store, store_some, sums_after
 from orbits.kernels.maps.layout import (
     ATTRACTING,
     CENTRAL,
@@ -49,8 +49,6 @@ def prepare_room(strength, planets, room):
     numbers = STATE_ROWS * registers
     central = strength[1 + int(planets[numbers, 6])]
     inside = central
-    for k in range(WIDTH):
-        store(room, ROWS * registers + k, unit(k))
     for register in range(registers):
         first = ROWS * register
         for k in range(WIDTH):

@@ -26,7 +26,7 @@ from orbits.kernels.maps.layout import (
 from orbits.kernels.maps.nearest import note_nearest
 from orbits.kernels.maps.orbits import displaced, drifted, kicked, kicked_and_drifted, orbits_of, write_orbits
 from orbits.kernels.maps.programs import KICK, LAZY, LENGTH, MODIFIED, SHIFT, STANDARD, WHOLE
-from orbits.kernels.maps.terms_by_kind import has_terms, strength_of
+from orbits.kernels.maps.terms_by_kind import has_terms, if_terms, strength_of
 from orbits.kernels.maps.terms_of_dominant import flow, flow_of_register, force_with_pulls, kick_more
 from orbits.kernels.maps.threes import added, load_three, load_three_like, store_three, store_three_like, times
 from orbits.kernels.sums.summation import add_product
@@ -142,8 +142,24 @@ def step_in_memory(registers, model, coefficients, planets, room, table, first, 
         finish_velocities(planets, room, kick)
 
 
+@kernel(inline=True)
+def take_step(registers, model, coefficients, planets, room, table, first, flows):
+    """Take a step: half a kick, Kepler motions, half a kick, with half the flow of terms that depend on velocities
+    before and after the motions; table, first, flows : see `step_in_memory`.
+    """
+    terms, strength, whole, shift = if_terms(model), strength_of(model), coefficients[0, WHOLE], coefficients[0, SHIFT]
+    if not stay_in_registers(registers, room) or (has_terms(model) and first >= 0):
+        step_in_memory(registers, model, coefficients, planets, room, table, first, flows)
+    elif coefficients[0, KICK] == LAZY:
+        step_lazy(registers, terms, strength, planets, room, table, first, whole, shift)
+    elif coefficients[0, KICK] == MODIFIED:
+        step_modified(registers, terms, strength, planets, room, table, first, whole, shift)
+    else:
+        step_plain(registers, terms, strength, planets, room, table, first, whole)
+
+
 @kernel
-def step_plain(registers, model, planets, room, h):
+def step_plain(registers, model, strength, planets, room, table, first, h):
     """Take a step of planets that stay in registers: half a kick, Kepler motions, half a kick.
 
     The same as `advance_planets`, the interaction for the kick and `finish_velocities`, to the last bit, but that
@@ -152,24 +168,25 @@ def step_plain(registers, model, planets, room, h):
     before, and receive that of this one.
 
     registers : see `orbits.kernels.maps.layout.registers_of`; model : with terms, else None
+    table, first : as in `evaluate_kick`
     """
-    _step(kind_of(registers), model, planets, room, h, 0.0, False, False)
+    _step(kind_of(registers), model, strength, planets, room, table, first, h, 0.0, STANDARD)
 
 
 @kernel
-def step_modified(registers, model, planets, room, h, shift):
+def step_modified(registers, model, strength, planets, room, table, first, h, shift):
     """The same with the modified kick, changed by `shift` times its derivative along itself."""
-    _step(kind_of(registers), model, planets, room, h, shift, True, False)
+    _step(kind_of(registers), model, strength, planets, room, table, first, h, shift, MODIFIED)
 
 
 @kernel
-def step_lazy(registers, model, planets, room, h, shift):
+def step_lazy(registers, model, strength, planets, room, table, first, h, shift):
     """The same with the lazy kick, by the interaction at places displaced by `shift` times the interaction."""
-    _step(kind_of(registers), model, planets, room, h, shift, False, True)
+    _step(kind_of(registers), model, strength, planets, room, table, first, h, shift, LAZY)
 
 
 @kernel(inline=True)
-def _step(like, model, planets, room, h, shift, modified, lazy):
+def _step(like, model, strength, planets, room, table, first, h, shift, kind):
     orbits, kick = orbits_of(like, planets), 0.5 * h
     masses, force = masses_of(like, room), load_three_like(like, room, FORCE, ROWS)
     if has_terms(model):
@@ -182,45 +199,64 @@ def _step(like, model, planets, room, h, shift, modified, lazy):
     write_orbits(planets, orbits)  # and read again for the kick: registers are scarce in between
     force, place, pairs = interaction(orbits.place, masses)
     note_nearest(room, pairs)
-    if lazy:
+    if kind == LAZY:
         force = force_with_pulls(model, masses, place, force)
+    if first >= 0 and kind != STANDARD:
+        _tabulate(strength, planets, room, table, first, STANDARD, force, place)
+    if kind == LAZY:
         there = added(orbits.place, shift, force)
         store_three_like(room, SHIFTED, ROWS, there)
         force, place, _ = interaction(there, masses)
-    if modified:
+    if kind == MODIFIED:
         force, shifted, moved = change_along(force, pairs, shift, masses)
         store_three_like(room, SHIFTED, ROWS, shifted)
         store_three_like(room, MOVED, ROWS, moved)
     force = force_with_pulls(model, masses, place, force)
+    if first >= 0:
+        _tabulate(strength, planets, room, table, first, kind, force, place)
     write_orbits(planets, kicked(orbits_of(like, planets), added(change, kick, force)))
     store_three_like(room, PLACE, ROWS, place)
     store_three_like(room, FORCE, ROWS, force)
     move_centre(planets, h)
 
 
+@kernel(inline=True)
+def _tabulate(strength, planets, room, table, first, evaluation, force, place):
+    """`tabulate`, of planets in registers whose positions are written already."""
+    store_three_like(room, PLACE, ROWS, place)
+    store_three_like(room, FORCE, ROWS, force)
+    tabulate(strength, planets, room, table, first, evaluation)
+
+
 @kernel
-def step_in_pairs(registers, planets, room, count, stages):
+def step_in_pairs(registers, strength, planets, room, stages, table, rows):
     """Take a step of kicks and Kepler motions in turn.
 
-    registers : see `orbits.kernels.maps.layout.registers_of`; count : the number of planets
+    registers : see `orbits.kernels.maps.layout.registers_of`
     stages : (2 s, columns), see `orbits.kernels.maps.programs`
+    table, rows : where particles find what they need of the kicks, and the rows for each, or 0 if there are none
     """
     if stay_in_registers(registers, room):
-        _step_in_registers(kind_of(registers), planets, room, stages)
+        _step_in_registers(kind_of(registers), strength, planets, room, stages, table, rows)
         return
-    for i in range(0, stages.shape[0], 2):
-        interact(planets, room, count, False)
-        advance_planets(planets, room, stages[i + 1, LENGTH], stages[i, LENGTH])
+    for i in range(stages.shape[0] // 2):
+        interact(planets, room, strength.shape[0] - 2, False)
+        if rows > 0:
+            tabulate(strength, planets, room, table, i * rows, STANDARD)
+        advance_planets(planets, room, stages[2 * i + 1, LENGTH], stages[2 * i, LENGTH])
         finish_velocities(planets, room, 0.0)
 
 
 @kernel
-def _step_in_registers(like, planets, room, stages):
+def _step_in_registers(like, strength, planets, room, stages, table, rows):
     """The same for planets that fit into as many registers as `like` has, without leaving them."""
     orbits, masses = orbits_of(like, planets), masses_of(like, room)
     for i in range(stages.shape[0] // 2):
         kick, h = stages[2 * i, LENGTH], stages[2 * i + 1, LENGTH]
-        force, _, _ = interaction(orbits.place, masses)
+        force, place, _ = interaction(orbits.place, masses)
+        if rows > 0:
+            write_orbits(planets, orbits)
+            _tabulate(strength, planets, room, table, i * rows, STANDARD, force, place)
         orbits, change = kicked_and_drifted(orbits, masses.attracting, h, kick, force)
         orbits = kicked(orbits, change)
         move_centre(planets, h)

@@ -2,8 +2,9 @@
 
 A table is of one time; the stages of a step have several. It has a row for each planet: u, the same for the second
 evaluation of a modified or a lazy kick, and m. Then three rows for each place i = 0 ... n: C_i and B_i; the same for
-the second evaluation; R_i and its velocity. The last rows of the stages are workspace, three for each register of
-planets. In democratic heliocentric coordinates there is one place, and the second of its rows has P / m_0.
+the second evaluation; R_i and its velocity. The last column of the first two has m_0. The last rows of the stages are
+workspace, three for each register of planets. In democratic heliocentric coordinates there is one place, and the second
+of its rows has P / m_0.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
-from orbits.kernels.lanes import WIDTH, alike, get, halves, lane, load, pair, store, transposed
+from orbits.kernels.lanes import WIDTH, alike, full, get, halves, lane, load, pair, store, transposed
 from orbits.kernels.maps.interaction import change_of_pull, pair_of
 from orbits.kernels.maps.layout import (
     ATTRACTING,
@@ -24,12 +25,22 @@ from orbits.kernels.maps.layout import (
     SHIFTED,
     STATE_ROWS,
     constant,
-    coordinate,
     dominant,
     registers_in,
 )
 from orbits.kernels.maps.programs import LAZY, MODIFIED, STANDARD
-from orbits.kernels.maps.threes import added, joined_three, load_three, store_three, times
+from orbits.kernels.maps.threes import (
+    NOTHING,
+    added,
+    inside_of,
+    joined_three,
+    load_three,
+    minus,
+    outside_of,
+    store_three,
+    times,
+    totals,
+)
 
 
 @kernel(inline=True)
@@ -56,7 +67,17 @@ def tabulate(strength, planets, room, table, first, evaluation):
     """
     count, registers = strength.shape[0] - 2, room.shape[0] // ROWS
     work, second, places = table.shape[0] - 3 * registers, 0 if evaluation == STANDARD else 1, first + count
+    inside, beyond = NOTHING, NOTHING
     for register in range(registers):
+        own = ROWS * register
+        r = load_three(planets, STATE_ROWS * register) if evaluation == STANDARD else load_three(room, own + SHIFTED)
+        share = load(room, own + SHARE)
+        store_three(table, work + 3 * register, plus(inside, inside_of(share, r)))
+        inside = plus(inside, totals(times(share, r)))
+    central = strength[1 + dominant(planets)]
+    # From outside inwards, B_(i-1) = B_i + w_i r'_i''.
+    for back in range(registers):
+        register = registers - 1 - back
         own = ROWS * register
         shifted = load_three(room, own + SHIFTED)
         own_pair = pair_of(shifted if evaluation == LAZY else load_three(planets, STATE_ROWS * register))
@@ -64,46 +85,57 @@ def tabulate(strength, planets, room, table, first, evaluation):
         if evaluation == MODIFIED:
             pull = plus(pull, change_of_pull(own_pair, shifted))
         share, gm = load(room, own + SHARE), load(room, own + ATTRACTING)
-        store_three(table, work + 3 * register, times(share, added(load_three(room, own + FORCE), -gm, pull)))
-    central = strength[1 + dominant(planets)]
-    # From outside inwards, B_(i-1) = B_i + w_i r'_i''.
-    bx, by, bz = 0.0, 0.0, 0.0
-    for k in range(count + 1):
-        i = count - k
-        row = places + 3 * i + second
-        table[row, 3], table[row, 4], table[row, 5] = bx, by, bz
-        table[row, 6], table[row, 7] = central, central
-        if i > 0:
-            at, slot = work + 3 * ((i - 1) // WIDTH), (i - 1) % WIDTH
-            table[row, 6] = constant(room, ATTRACTING, i - 1)
-            bx, by, bz = bx + table[at, slot], by + table[at + 1, slot], bz + table[at + 2, slot]
+        change = times(share, added(load_three(room, own + FORCE), -gm, pull))
+        offset, rest = load_three(table, work + 3 * register), plus(beyond, plus(change, outside_of(change)))
+        _write_places(room, table, places + second, register, count, offset, rest, central)
+        beyond = plus(beyond, totals(change))
+    _write_place(table, places + 3 * count + second, inside, NOTHING, central)
     moved = MOVED if evaluation == MODIFIED else PLACE
-    for k in range(3):
-        offset = 0.0
-        table[places + second, k] = offset
-        for i in range(count):
-            if evaluation == STANDARD:
-                place = coordinate(planets, k, i)
-            else:
-                place = constant(room, SHIFTED + k, i)
-            offset += constant(room, SHARE, i) * place
-            table[places + 3 * (i + 1) + second, k] = offset
-            row = first + i
-            table[row, 3 * second + k], table[row, 6] = constant(room, moved + k, i), constant(room, MASS, i)
+    for i in range(count):
+        for k in range(3):
+            table[first + i, 3 * second + k] = constant(room, moved + k, i)
+        table[first + i, 6] = constant(room, MASS, i)
 
 
 @kernel
 def tabulate_centres(strength, planets, room, table, first):
     """Write R_i and its velocity into a table."""
-    count = strength.shape[0] - 2
-    places = first + count
-    for component in range(6):
-        centre = planets[STATE_ROWS * registers_in(planets), component]
-        table[places + 3 * count + 2, component] = centre
-        for back in range(count):
-            i = count - 1 - back
-            centre -= constant(room, SHARE, i) * coordinate(planets, component, i)
-            table[places + 3 * i + 2, component] = centre
+    count, registers, places = strength.shape[0] - 2, registers_in(planets), first + strength.shape[0] - 2
+    centre = planets[STATE_ROWS * registers]
+    there, motion = (centre[0], centre[1], centre[2]), (centre[3], centre[4], centre[5])
+    _write_place(table, places + 3 * count + 2, there, motion, 0.0)
+    for back in range(registers):
+        register = registers - 1 - back
+        own, share = STATE_ROWS * register, load(room, ROWS * register + SHARE)
+        r, v = times(share, load_three(planets, own)), times(share, load_three(planets, own + 3))
+        within, slower = minus(there, plus(r, outside_of(r))), minus(motion, plus(v, outside_of(v)))
+        _write_places(room, table, places + 2, register, count, within, slower, 0.0)
+        there, motion = minus(there, totals(r)), minus(motion, totals(v))
+
+
+@kernel(inline=True)
+def _write_places(room, table, first, register, count, a, b, last):
+    """Write the rows of the places that have planets of a register as their next ones, three rows apart: two times
+    three numbers in lanes, and in the last column `last`. The workspace of `room` is overwritten.
+    """
+    rows = room.shape[0] - WIDTH
+    store_three(room, rows, a)
+    store_three(room, rows + 3, b)
+    store(room, rows + 6, full(0.0))
+    store(room, rows + 7, full(last))
+    columns = transposed(room, rows)
+    for k in range(WIDTH):
+        i = WIDTH * register + k
+        if i < count:
+            store(table, first + 3 * i, columns[k])
+
+
+@kernel(inline=True)
+def _write_place(table, row, a, b, last):
+    """Write the row of one place."""
+    for k in range(3):
+        table[row, k], table[row, 3 + k] = a[k], b[k]
+    table[row, 6], table[row, 7] = 0.0, last
 
 
 @kernel(inline=True)

@@ -5,7 +5,7 @@ their low parts, see `orbits.kernels.maps.orbits`; then two rows of the centre o
 their low parts, with the number of the dominant body in lane 6, and in lane 7 whether the planets have been numbered, 1
 or `IN_ORDER`; then a row of the body in each lane, -1 for none, for each register. `room` has for each register the
 `ROWS` that are named below for Jacobi coordinates, and in `orbits.kernels.maps.heliocentric` for the others, and then
-eight of the unit matrix.
+eight of workspace.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ from orbits.kernels.maps.layout import (
     registers_of,
     rest_elsewhere,
 )
-from orbits.kernels.maps.programs import DRIFT, FLOW, HEADER, LENGTH, SHIFT, STANDARD, programs_of
+from orbits.kernels.maps.programs import DRIFT, FLOW, HEADER, LENGTH, SHIFT, programs_of
 from orbits.kernels.maps.terms_by_kind import strength_of
 from orbits.kernels.maps.terms_of_dominant import flow
 from orbits.kernels.maps.threes import load_three, times
@@ -171,41 +171,28 @@ def at_the_end(method, planets, room, copy):
 
 
 @verb
-def step_in_stages(method, model, planets, room):
-    """Take a step of kicks and Kepler motions in turn."""
+def step_in_stages(method, model, planets, room, table, rows):
+    """Take a step of kicks and Kepler motions in turn.
+
+    table, rows : where particles find what they need of the kicks, and the rows for each, or 0 if there are none
+    """
     return _step_in_heliocentric if is_heliocentric(method) else _step_in_jacobi
 
 
-def _step_in_jacobi(method, model, planets, room):
+def _step_in_jacobi(method, model, planets, room, table, rows):
     _, stages = programs_of(method.coefficients)
-    step_in_pairs(registers_of(method), planets, room, model.parameters.shape[0] - 2, stages)
+    step_in_pairs(registers_of(method), model.parameters, planets, room, stages, table, rows)
 
 
-def _step_in_heliocentric(method, model, planets, room):
+def _step_in_heliocentric(method, model, planets, room, table, rows):
     _, stages = programs_of(method.coefficients)
-    for i in range(0, stages.shape[0], 2):
-        count, kick, drift = model.parameters.shape[0] - 2, stages[i, LENGTH], stages[i + 1, LENGTH]
-        kick_and_drift_heliocentric(planets, room, count, kick, drift)
-
-
-@verb
-def kick_and_drift(method, model, kick, drift, planets, room, table, first):
-    """Take a kick and Kepler motions, with a table for particles from row `first` on."""
-    return _pair_in_heliocentric if is_heliocentric(method) else _pair_in_jacobi
-
-
-def _pair_in_jacobi(method, model, kick, drift, planets, room, table, first):
-    evaluate_kick(registers_of(method), model, STANDARD, 0.0, planets, room, table, first)
-    advance_planets(planets, room, drift, kick)
-    finish_velocities(planets, room, 0.0)
-
-
-def _pair_in_heliocentric(method, model, kick, drift, planets, room, table, first):
-    count = model.parameters.shape[0] - 2
-    tabulate_heliocentric(planets, room, table, first, count)
-    jump = kick_and_drift_heliocentric(planets, room, count, kick, drift)
-    for k in range(3):
-        table[first + count + 1, k] = jump[k]
+    for i in range(stages.shape[0] // 2):
+        count, kick, drift = model.parameters.shape[0] - 2, stages[2 * i, LENGTH], stages[2 * i + 1, LENGTH]
+        if rows > 0:
+            tabulate_heliocentric(planets, room, table, i * rows, count)
+        jump = kick_and_drift_heliocentric(planets, room, count, kick, drift)
+        for k in range(3 if rows > 0 else 0):
+            table[i * rows + count + 1, k] = jump[k]
 
 
 @verb

@@ -47,6 +47,7 @@ from orbits.kernels.maps.terms_by_kind import (
     terms_of,
 )
 from orbits.kernels.maps.threes import (
+    NOTHING,
     added,
     chosen,
     inside_of,
@@ -72,9 +73,6 @@ def _in_jacobi(masses, sign, own, beyond):
     """
     further = plus(outside_of(times(masses.mass, own)), beyond)
     return times(sign, plus(times(masses.outer, own), times(masses.inner, further)))
-
-
-NOTHING = 0.0, 0.0, 0.0
 
 
 @kernel(inline=True)

@@ -21,6 +21,8 @@ from orbits.kernels.lanes import (
 )
 from orbits.kernels.sums.summation import accumulate
 
+NOTHING = 0.0, 0.0, 0.0
+
 
 @verb
 def minus(a, b):
