@@ -64,14 +64,14 @@ def add_slopes(hi, lo, size, numbers):
         add_three(hi, lo, a, times(size, (slopes(x), slopes(y), slopes(z))))
 
 
-@kernel
+@kernel(inline=True)
 def _read(planets, first, vectors, out):
     """Write coordinates of the planets that change along eight vectors; first : 0 for places, 3 for velocities."""
     for a in range(out.shape[0]):
         put(out, a, dual_number(coordinate(planets, first + a % 3, a // 3), load(vectors, a)))
 
 
-@kernel
+@kernel(inline=True)
 def _relative(scratch, r, u):
     """Write places relative to the dominant body from those in Jacobi coordinates, or velocities."""
     for k in range(3):
@@ -113,7 +113,7 @@ def _pull_at(d, e):
     return times(of.cubed, d)
 
 
-@kernel
+@kernel(inline=True)
 def _attract(mass, u, e, f):
     """Write the attraction of planets by each other, or its change along e, if that is not None."""
     for i in range(mass.shape[0]):
@@ -151,7 +151,7 @@ def _if_there(e, change):
     return (lambda e, change: None) if isinstance(e, types.NoneType) else lambda e, change: change
 
 
-@kernel
+@kernel(inline=True)
 def _interact(model, room, r, e, with_terms, out):
     """Write the interaction of planets at r, or its change along e, if that is not None, with terms of positions alone
     or without.

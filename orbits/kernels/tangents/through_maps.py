@@ -26,6 +26,8 @@ from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH, full, load, store
 from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, kick_planets
 from orbits.kernels.maps.layout import (
+    FORCE,
+    ROWS,
     STATE_ROWS,
     body_of,
     copy_rows,
@@ -64,8 +66,8 @@ from orbits.kernels.tangents.through_stages import measure
 NUMBERS_OF_A_FLOW = 3 + 3 + 4 * 4
 """Numbers of a `Flow`."""
 
-UNKNOWN, EVALUATED, CHANGED = 0, 1, 2
-"""What is known of a kick at a place: nothing; the interaction; and its change along the vectors."""
+UNKNOWN, KNOWN = 0, 1
+"""What is known of a kick at a place: nothing; or the interaction, and its change along the vectors."""
 
 
 class VectorRoom(NamedTuple):
@@ -104,17 +106,27 @@ def follow_map(form, coefficients, tag, parameters, t, h, state, storage, steps,
     last = program.shape[0] - 1
     final, length = int(program[last, KIND]), program[last, LENGTH]
     ends_with_kick = final in (STANDARD, MODIFIED, LAZY)
+    motion = last - 1 if ends_with_kick else last
+    ends_with_motion = int(program[motion, KIND]) == DRIFT  # whose end the step itself tells
     copy_rows(carry, room.planets)
     known = UNKNOWN
     for k in range(steps):
-        for row in range(last if ends_with_kick else last + 1):
+        for row in range(motion if ends_with_motion else motion + 1):
             known = _take(method, model, int(program[row, KIND]), program[row, LENGTH], known, vectors, room)
+        if ends_with_motion:
+            copy_rows(room.planets, room.another)
         step(method, model, t, h, state, storage)
         copy_rows(carry, room.planets)
-        if ends_with_kick:  # where the first kick of the next step is: at the same bits in any block of steps
-            copy_rows(scratch, room.scratch)
-            known = _take(method, model, final, length, EVALUATED, vectors, room)
+        if ends_with_motion:
+            if ends_with_kick:
+                kick_planets(room.planets, scratch, -length)
+            _move(program[motion, LENGTH], vectors, room)
             copy_rows(carry, room.planets)
+        known = UNKNOWN
+        if ends_with_kick:  # where the first kick of the next step is: at the same bits in any block of steps
+            _copy_force(scratch, room.scratch)
+            _kick_vectors(method, model, final, length, UNKNOWN, vectors, room)
+            known = KNOWN
         if growth.shape[0]:
             for group in range(vectors.shape[0]):
                 measure(abs(t) + k * abs(h), abs(h), scale, vectors[group], kicks[group], growth[group])
@@ -220,23 +232,36 @@ def _take_entry(method, model, leaving, vectors, room):
         _take(method, model, kind, length, UNKNOWN, vectors, room)
 
 
-@kernel
+@kernel(inline=True)
 def _take(method, model, kind, length, known, vectors, room):
     """Take a stage, of the copy and of the vectors. Returns what is known of a kick where they are; known : before."""
     planets, scratch = room.planets, room.scratch
     if kind == DRIFT:
         copy_rows(planets, room.another[: STATE_ROWS * registers_in(planets)])
         take(method, model, kind, length, planets, scratch, scratch, False)
-        write_flows(room.another, planets, room.gm, length, room.flows)
-        for group in range(vectors.shape[0]):
-            move_vectors(room.flows, room.mass.shape[0], length, vectors[group])
+        _move(length, vectors, room)
         return UNKNOWN
     if kind == FLOW:
         flow_vectors(model, length, vectors, room)
         take(method, model, kind, length, planets, scratch, scratch, False)
         return UNKNOWN
     _kick(method, model, kind, length, known, vectors, room)
-    return CHANGED
+    return KNOWN
+
+
+@kernel(inline=True)
+def _copy_force(scratch, copy):
+    """Copy the interaction of the planets."""
+    for first in range(FORCE, copy.shape[0] - WIDTH, ROWS):
+        store_three(copy, first, load_three(scratch, first))
+
+
+@kernel(inline=True)
+def _move(length, vectors, room):
+    """Advance the vectors through Kepler motions from where `another` has the planets to where they are."""
+    write_flows(room.another, room.planets, room.gm, length, room.flows)
+    for group in range(vectors.shape[0]):
+        move_vectors(room.flows, room.mass.shape[0], length, vectors[group])
 
 
 @verb
@@ -255,12 +280,18 @@ def _kick_in_jacobi(method, model, kind, length, known, vectors, room):
     planets, scratch, shift = room.planets, room.scratch, method.coefficients[0, SHIFT]
     if known == UNKNOWN:
         evaluate_kick(None, model, kind, shift, planets, scratch, scratch, NO_TABLE)
-    if known != CHANGED:
-        for group in range(vectors.shape[0]):
-            change_of_kick(model, kind, shift, vectors[group, 0], room.force[group], room)
+    _kick_vectors(method, model, kind, length, known, vectors, room)
     kick_planets(planets, scratch, length)
+
+
+@kernel(inline=True)
+def _kick_vectors(method, model, kind, length, known, vectors, room):
+    """Take a kick of the vectors alone, in Jacobi coordinates; known : as before, of how it changes along them."""
     for group in range(vectors.shape[0]):
-        kick_vectors(room.mass.shape[0], length, vectors[group], room.force[group])
+        force = room.force[group]
+        if known == UNKNOWN:
+            change_of_kick(model, kind, method.coefficients[0, SHIFT], vectors[group, 0], force, room)
+        kick_vectors(room.mass.shape[0], length, vectors[group], force)
 
 
 @kernel
