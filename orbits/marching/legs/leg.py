@@ -191,13 +191,9 @@ class Leg(March):
 
     def motion(self) -> Motion:
         """Return the motion of the massive bodies within the steps of the last block, for a leg with `dense`."""
-        count, loops, form = self.loop.taken, self.stepper.loops, self.stepper.form
-        path, carries = self.observers.recorded(count), loops.kicks[:count]
-        kicks = carries if form.is_dense and not form.transforms else carries[:0]
-        if form.transforms:  # observers see states that are good enough for them, not to step on from
-            path = loops.seen(np.concatenate([self.loop.begun["memory"][None], carries]), low=False)
+        path, kicks = self.stepper.loops.motion(self.observers, self.loop.taken, self.loop.begun["memory"])
         times = self.times.ends(), self.times.lengths()
-        return Motion(form, *times, path, kicks, self.stepper.partial_steps())
+        return Motion(self.stepper.form, *times, path, kicks, self.stepper.partial_steps())
 
     def accounts(self) -> Array:
         """Return what is known of each force at the state returned last; see `Stepper.accounts`."""

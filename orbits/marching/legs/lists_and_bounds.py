@@ -145,7 +145,7 @@ def energy_bound_of(leg: Leg) -> EnergyBound | None:
     most, state = leg.problem.ends.energy_bound, leg.stepper.state
     if most is None:
         return None
-    if leg.stepper.form.transforms:
+    if not leg.stepper.loops.is_seen(1):
         raise InputError(
             f"{leg.problem.integrator.label} marches other coordinates than those seen, whose energy oscillates: the "
             "condition EnergyErrorAbove cannot be watched. Use a method such as Gauss(stages=8), or look at "

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from orbits.marching.legs.leg import Leg
     from orbits.marching.legs.march import March
 
-_NOTHING = np.zeros((0, 2, 0))
-
 
 class Samples:
     """States of a march at samples, to each of which it leads in turn."""
@@ -80,10 +78,10 @@ class SamplesOfLeg(Samples, LegWatcher):
     def __init__(self, leg: Leg) -> None:
         self._leg: Leg = proxy(leg)
         form = leg.stepper.form
-        self._transforms, self._recorded = form.transforms, leg.observers.records_all or form.transforms
+        self._recorded = leg.stepper.loops.tells_beginnings(leg.observers.records_all)
         self._stays = np.ones((form.carry_rows(3 * len(leg.problem.bodies)), WIDTH))
         form.forget(self._stays)
-        self._reads_carries = form.transforms or bool(self._stays.any())
+        self._reads_carries = bool(self._stays.any())
         self._most = UNLIMITED
 
     def together(self, places: Places) -> int:
@@ -92,8 +90,7 @@ class SamplesOfLeg(Samples, LegWatcher):
         if not self._recorded:
             return 1
         loops = leg.stepper.loops
-        if not self._transforms:
-            loops.keep_lows(bool(places.rests[: leg.times.led_to(places, leg.block)].any()))
+        loops.keep_lows(bool(places.rests[: leg.times.led_to(places, leg.block)].any()))
         if not self._reads_carries:
             return len(places.steps)
         most = loops.most_kept
@@ -115,9 +112,7 @@ class SamplesOfLeg(Samples, LegWatcher):
         """Return (q, v), each (m, n, 3), at places in the block just marched."""
         leg = self._leg
         loops, behind, count = leg.stepper.loops, leg.times.behind(places), leg.loop.taken
-        path = _NOTHING if self._transforms else leg.observers.recorded(count)[behind.steps]
-        if behind.parts.any() and not self._transforms:
-            path = np.concatenate([path, loops.lows(count)[behind.steps]], axis=1)
+        path = loops.beginnings(leg.observers, count, behind)
         carries = None
         if self._reads_carries:
             carries = loops.kicks[np.maximum(behind.steps - 1, 0)]
@@ -173,8 +168,7 @@ class SamplesOfLeg(Samples, LegWatcher):
         """
         leg, steps, count = self._leg, np.arange(len(behind.steps)), len(behind.steps)
         n = len(leg.problem.bodies)
-        if carries is not None and self._transforms:
-            path = leg.stepper.loops.seen(carries, low=True)
+        path = leg.stepper.loops.seen(path, carries)
         if carries is not None:
             carries *= self._stays
         q, v = np.ascontiguousarray(path[:, :2, : 3 * n].swapaxes(0, 1))

@@ -200,11 +200,11 @@ class SamplesThroughStages(SamplesOfParticles):
         try:
             for i, (step, time, part) in enumerate(zip(*(x.tolist() for x in behind), strict=True)):
                 leg.losses.begin_at(self._steps - step)
-                state = self._kept(step)
-                if self._transforms or part:
+                state, taken = self._kept(step), leg.times.step - self._steps + step
+                if part or not leg.stepper.loops.is_seen(taken):
                     memory = 0.0 if before is None else before[i]
                     state = self._copied({"memory": memory, **self._of_bodies(path, i), **state})
-                    self._show(state, step, time, part)
+                    self._show(state, taken, time, part)
                 if not leg.problem.retire and retired.lost():
                     raise IntegrationError("a massless body cannot be followed to a sample.")
                 shown[i] = state["particle_q"][:, :m], state["particle_v"][:, :m]
@@ -234,7 +234,7 @@ class SamplesThroughStages(SamplesOfParticles):
 
     def _of_bodies(self, path: Array, i: int) -> Mapping[str, Array]:
         """Return positions and velocities of the bodies in a row of a path, unless they are known from their carry."""
-        return {} if self._transforms else dict(zip(("q", "v", "q_lo", "v_lo"), path[i], strict=True))
+        return dict(zip(("q", "v", "q_lo", "v_lo"), path[i], strict=True)) if len(path) else {}
 
     def _copied(self, known: Mapping[str, Any]) -> State:
         """Return a state with these arrays, which is lost with the next one."""
@@ -244,10 +244,10 @@ class SamplesThroughStages(SamplesOfParticles):
                 array[...] = known[name]
         return self._copy
 
-    def _show(self, copy: State, step: int, time: float, part: float) -> None:
-        """March a copy of the state at the beginning of a step by a part of it, and compute what is seen there."""
+    def _show(self, copy: State, taken: int, time: float, part: float) -> None:
+        """March a copy of the state after so many steps by a part of the next, and compute what is seen there."""
         leg, loops, retired = self._leg, self._leg.stepper.loops, self._leg.losses.retired.block
-        if leg.times.step - self._steps + step:
+        if taken:
             (loops.leave if part else loops.leave_particles)(copy, leg.clock, retired)
         if part:
             leg.stepper.take_part(copy, time, part, retired)

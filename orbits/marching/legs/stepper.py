@@ -20,8 +20,8 @@ from orbits.marching.clocks.step_times import StepTimes
 from orbits.marching.following.contract import NO_SAMPLES, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps
 from orbits.marching.legs.problem import Problem
-from orbits.marching.stepping.bound_loops import BoundLoops
 from orbits.marching.stepping.failures import failure_of_bodies, meeting
+from orbits.marching.stepping.loops_of_maps import loops_of
 from orbits.marching.stepping.partial_steps import PartialSteps
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class Stepper:
         n, m = len(problem.bodies), len(problem.particles)
         self._size = 3 * n
         acting, threads = problem.acting, problem.threads
-        self.loops = BoundLoops(self.form, *acting, problem.clock, n, m, threads, problem.dense, followed)
+        self.loops = loops_of(self.form, *acting, problem.clock, n, m, threads, problem.dense, followed)
         self.loops.begin(q, v, problem.bodies, problem.particles)
         self.state: State = self.loops.state
         if problem.forces:
@@ -144,7 +144,7 @@ class Stepper:
 
         retired : see `Retired.block`; particles : those of which it is wanted; all by default
         """
-        return self.seen_copy(retired, particles) if self.form.transforms and self.times.step else self.state
+        return self.state if self.loops.is_seen(self.times.step) else self.seen_copy(retired, particles)
 
     def seen_copy(self, retired: NDArray[np.int64], particles: NDArray[np.intp] | None = None) -> State:
         """Return a copy of the state as it is seen; the arguments are those of `as_seen`."""
@@ -162,7 +162,7 @@ class Stepper:
         clock = ConstantSteps(part)
         numbers = clock.numbers(time, 0)
         self.form.forget(seen["memory"])
-        if not (self.form.transforms or self.form.keeps_particles):
+        if not self.form.keeps_particles:
             seen["particle_memory"][:] = 0.0
         self.loops.enter(seen, clock, retired)
         self.bodies(seen, self.state, clock, numbers, _NOTHING, 1)

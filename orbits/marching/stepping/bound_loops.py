@@ -13,8 +13,9 @@ from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
-from orbits.kernels.steps import NOWHERE, Share, State, Storage
+from orbits.kernels.steps import NOWHERE
 from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.step_times import Behind
 from orbits.marching.following.contract import NO_SAMPLES, Block, Followers, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
 from orbits.marching.following.own_clocks import COLUMNS
@@ -58,8 +59,6 @@ class BoundLoops:
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Leg`
     shows_samples : whether massless particles are shown at samples within a block
-    ready : the next block, if it was computed along with those of other systems
-    observed : whether the block marched last was, and closest approaches have been looked for in it
     """
 
     def __init__(
@@ -118,7 +117,7 @@ class BoundLoops:
         self.times = np.zeros(clock.room(self.steps, 4 * vector[0] + math.prod(shapes["memory"])))
         self._reads_path = self._follower is not None and self._follower.reads_path
         self.shows_samples = self._follower is not None and self._follower.shows_samples
-        recorded = self._reads_path or (dense and (form.is_dense or form.transforms))
+        recorded = self._reads_path or self.records_carries(dense)
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
         self._keeps, self._keeps_lows, self._lows = False, False, _NOTHING
         self._record = _NOTHING, self.kicks  # the path and kicks of the block marched last
@@ -189,14 +188,15 @@ class BoundLoops:
         status, done, body, evaluations = self._march(*bound, *vectors, *room, path, lows, 1, kicks, count)
         return status, done, body, evaluations
 
+    def is_seen(self, steps: int) -> bool:
+        """Whether what is marched is what is seen, after so many steps."""
+        return True
+
     def enter(self, state: dict[str, Array], clock: Clock, retired: NDArray[np.int64] | None = None) -> None:
-        """Compute what is marched with this clock from what is seen; nothing for a form that marches this.
+        """Compute what is marched with this clock from what is seen: the same.
 
         retired : see `Retired.block`; these particles are left alone
         """
-        if self._form.transforms:
-            driver.enter_march(*self._transformation(state, clock))
-            self._transform_particles(driver.enter_march_of_particles, state, clock, retired)
 
     def leave(
         self,
@@ -209,9 +209,6 @@ class BoundLoops:
 
         particles : those of which it is wanted; all by default
         """
-        if self._form.transforms:
-            self.leave_particles(state, clock, retired, particles)
-            driver.leave_march(*self._transformation(state, clock))
 
     def leave_particles(
         self,
@@ -221,49 +218,34 @@ class BoundLoops:
         particles: NDArray[np.intp] | None = None,
     ) -> None:
         """Compute what is seen of particles alone; the arguments are those of `leave`."""
-        self._transform_particles(driver.leave_march_of_particles, state, clock, retired, particles)
 
-    def _transform_particles(
-        self,
-        kernel: Any,
-        state: dict[str, Array],
-        clock: Clock,
-        retired: NDArray[np.int64] | None,
-        some: NDArray[np.intp] | None = None,
-    ) -> None:
-        """Call `enter_march_of_particles` or `leave_march_of_particles` for all particles, in threads, or for some."""
-        if not self._shares:
-            return
-        bound = self.bound(clock, self.times)
-        bodies = State(*(state[name] for name in ("q", "q_lo", "v", "v_lo")))
-        columns = _particles_in(state)
-        gone = np.zeros((columns.q.shape[1], 2), dtype=np.int64) if retired is None else retired
-        particles = columns, state["particle_memory"], gone
+    def records_carries(self, dense: bool) -> bool:
+        """Whether the carries of all steps are recorded, of a march that is `dense` or not."""
+        return dense and self._form.is_dense
 
-        def transform(start: int, stop: int) -> None:
-            shapes = state["memory"].shape, self._scratch.shape, self._stages.shape[1:], (2 * WIDTH, WIDTH)
-            carry, scratch, stages, rows = aligned(*shapes)
-            carry[...] = state["memory"]
-            storage = Storage(carry, scratch, stages, Share(start, stop, None))
-            kernel(*bound[:4], bodies, particles, rows, storage)
+    def tells_beginnings(self, recorded: bool) -> bool:
+        """Whether the states at the beginnings of steps are known after a block; recorded : if they were as seen."""
+        return recorded
 
-        if some is None:
-            self._helpers.each(transform, self._shares)
-        else:
-            count = state["particle_memory"].shape[0]
-            for k in sorted({int(p) // WIDTH for p in some}):
-                transform(WIDTH * k, min(WIDTH * (k + 1), count))
-
-    def seen(self, carries: Array, *, low: bool) -> Array:
-        """Return q and v as they are seen where steps left these carries, (m, rows, 8), for a form that `transforms`:
-        (m, 2, padded), or (m, 4, padded) with their low parts.
+    def beginnings(self, observers: Observers, count: int, behind: Behind) -> Array:
+        """Return the states at the beginnings of the steps of some places in the block of `count` steps that was
+        marched last, (m, 2, padded), or (m, 4, padded) with their low parts.
         """
-        width = len(self.state["q"])
-        room, carry = aligned((4, width), carries.shape[1:])
-        path = np.zeros((len(carries), 4 if low else 2, width))
-        bound, room_for_steps = self.bound(self._clock, self.times)[:4], (carry, self._scratch, self._stages)
-        driver.leave_each(*bound, self._clock.h, carries, room, *room_for_steps, path)
+        path = observers.recorded(count)[behind.steps]
+        if not behind.parts.any():
+            return path
+        lows = self._lows[: 2 * (count + 1) * len(self.state["q"])].reshape(count + 1, 2, -1)
+        return np.concatenate([path, lows[behind.steps]], axis=1)
+
+    def seen(self, path: Array, carries: Array | None) -> Array:
+        """Return states as they are seen; path : of `beginnings`; carries : those there, (m, rows, 8), if known."""
         return path
+
+    def motion(self, observers: Observers, count: int, begun: Array) -> tuple[Array, Array]:
+        """Return the states at the ends of the `count` steps of the last block, (count + 1, 2, padded), and what else
+        is known of the motion within these: the carries after them, of a polynomial; begun : the carry before them
+        """
+        return observers.recorded(count), self.kicks[: count if self._form.is_dense else 0]
 
     @property
     def most_kept(self) -> int:
@@ -279,16 +261,6 @@ class BoundLoops:
     def keep_lows(self, wanted: bool) -> None:
         """Record the low parts of the states of the next blocks that are recorded, or no longer."""
         self._keeps_lows = wanted
-
-    def lows(self, steps: int) -> Array:
-        """Return the low parts that were kept at the beginnings of the steps of the last block, (steps + 1, 2, padded);
-        of the last row, behind the steps, nothing is known.
-        """
-        return self._lows[: 2 * (steps + 1) * len(self.state["q"])].reshape(steps + 1, 2, -1)
-
-    def _transformation(self, state: dict[str, Array], clock: Clock) -> tuple[Any, ...]:
-        vectors = (state["q"], state["q_lo"], state["v"], state["v_lo"], state["memory"])
-        return *self.bound(clock, self.times)[:4], clock.h, *vectors, self._scratch, self._stages
 
     def march_particles(
         self,
@@ -313,7 +285,7 @@ class BoundLoops:
         sources = state, coefficients, *self._record, retired, watcher, samples, self._now
         known, records = self._bound_to[watcher is None]
         if not all(map(is_, sources, known)):
-            columns = _particles_in(state)
+            columns = particles_in(state)
             clocks = state.get("particle_clock", np.zeros((0, COLUMNS)))
             records = (
                 Block(
@@ -333,6 +305,6 @@ class BoundLoops:
             self._pool = None
 
 
-def _particles_in(state: dict[str, Array]) -> Columns:
+def particles_in(state: dict[str, Array]) -> Columns:
     """Return the positions and velocities of the massless particles in a state."""
     return Columns(*[state[f"particle_{name}"] for name in ("q", "q_lo", "v", "v_lo")])

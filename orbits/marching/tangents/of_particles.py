@@ -25,8 +25,8 @@ from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import Place
 from orbits.marching.stepping.alignment import aligned
-from orbits.marching.stepping.bound_loops import BoundLoops
 from orbits.marching.stepping.choice_of_form import form_for, form_of_bodies
+from orbits.marching.stepping.loops_of_maps import LoopsOfMap
 from orbits.marching.tangents.in_maps import marched_in_blocks, require_map_tangents
 from orbits.marching.watching.kepler_passages import HILL_RADII
 
@@ -47,7 +47,7 @@ class Passages(NamedTuple):
     sharp: Array
 
 
-class ParticleTangents(BoundLoops):
+class ParticleTangents(LoopsOfMap):
     """Massless particles in a Wisdom–Holman map, with tangent vectors whose growth is measured.
 
     lagrangian, parameters : of the massive bodies; Newton's gravity alone
