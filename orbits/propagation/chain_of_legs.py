@@ -18,7 +18,6 @@ from orbits.errors import ArchiveError, IntegrationError, StorageError
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.retirement import Retirement
-from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.legs.leg import Leg
 from orbits.marching.legs.march import March
@@ -231,8 +230,7 @@ class ChainOfLegs(March):
         grid, lost = self._grid if self._grid >= 0 else self._leg.step, self._leg
         clock, begun, steps = lost.begun_within(self.clock, grid, time)
         self._grid = grid if clock is not self.clock else -1
-        if clock.lets_particles_choose and not self.bodies.massive.all():  # by then, not by the end of the step
-            lost = within_step.ended_at(lost.home, time)
+        lost = lost.home.way.losing_by(lost, time)
         self.bodies.begin_leg()
         there = self.bodies.there
         self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps, time)

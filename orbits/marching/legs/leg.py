@@ -66,7 +66,7 @@ class Leg(March):
             followed = OwnSteps.of(problem.lagrangian, gm, int(gm.argmax()), surfaces, problem.integrator.least_steps)
         self.stepper = Stepper(problem, self.times, followed, q, v)
         form, loops = self.stepper.form, self.stepper.loops
-        self.way = way_of(self.clock, form, followed is not None)
+        self.way = way_of(self.clock, form, len(problem.particles) > 0, followed is not None)
         self.block = loops.steps
         state = self.stepper.state
         state["approaches"] = empty_record(len(problem.gm), problem.approaches)

@@ -19,10 +19,12 @@ from orbits.marching.following.losses import Contact
 from orbits.marching.following.own_clocks import REACHED
 from orbits.marching.following.particle_excursions import PART, parts_taken
 from orbits.marching.following.retirement import HIT, Lost, kind_of
+from orbits.marching.legs import within_step
 from orbits.marching.watching.leg_observers import Observers
 from orbits.marching.watching.passage_list import BlockList
 
 if TYPE_CHECKING:
+    from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.marching.legs.leg import Leg
     from orbits.marching.legs.stepper import State
 
@@ -54,6 +56,10 @@ class InLanes:
     def put(self, leg: Leg, lost: Lost, reached: Reached, contacts: Mapping[int, Contact]) -> None:
         """Write where lost particles have got to into the state of a leg; contacts : of those that hit a body."""
         _write(leg.stepper.state, lost, reached)
+
+    def losing_by(self, leg: Legs, time: float) -> Legs:
+        """Return a leg that has lost the particles that are lost by a time in the next step: from its beginning on."""
+        return leg
 
     def stop(self, state: State, particles: NDArray[np.intp], time: float) -> None:
         """Note the time at which particles were lost, if they have clocks."""
@@ -141,6 +147,10 @@ class ByOwnClocks(InLanes):
                 reached["particle_clock"][k, REACHED] = one.time
         _write(leg.stepper.state, lost, reached)
 
+    def losing_by(self, leg: Legs, time: float) -> Legs:
+        """Return a leg that has lost those that are lost by a time in the next step, and no others of this step."""
+        return within_step.ended_at(leg.home, time)
+
     def stop(self, state: State, particles: NDArray[np.intp], time: float) -> None:
         """Note the time at which particles were lost."""
         state["particle_clock"][particles, REACHED] = time
@@ -158,8 +168,8 @@ def _write(state: State, lost: Lost, arrays: Mapping[str, Array]) -> None:
             state[name][:, lost.particles] = values
 
 
-def way_of(clock: Clock, form: Form, follows: bool) -> InLanes:
-    """Return the way of particles on a clock, by the form of a method; follows : see `InMap`."""
-    if clock.lets_particles_choose:
+def way_of(clock: Clock, form: Form, particles: bool, follows: bool) -> InLanes:
+    """Return the way of particles on a clock, if there are any, by the form of a method; follows : see `InMap`."""
+    if clock.lets_particles_choose and particles:
         return ByOwnClocks()
     return InMap(follows) if form.transforms else InLanes()
