@@ -238,9 +238,10 @@ def _solve(hard, x, y, z, vx, vy, vz, gm, dt):
         change = -5.0 * miss / (r + root)
         new = s + change
         new = select((new >= low) * (new <= high), new, 0.5 * (low + high))
+        met = abs(miss) <= 2.0**-51 * (t + select(incoming, 0.0, abs(eta * G2)))
+        new = select(met * (abs(new - s) > NEAR * s), s, new)  # at a collision r is nothing but rounding errors, too
         change = new - s
-        floor = 2.0**-51 * (t + select(incoming, 0.0, abs(eta * G2)))
-        settled = (abs(change) <= 2.0**-30 * s) * (abs(change * slope) <= 2.0**-20 * r) + (abs(miss) <= floor)
+        settled = (abs(change) <= 2.0**-30 * s) * (abs(change * slope) <= 2.0**-20 * r) + met
         s = select(done, s, new)
         done = maximum(done, select(settled, 1.0, 0.0) + 0.0 * t)
         if not any_lane(1.0 - done):
