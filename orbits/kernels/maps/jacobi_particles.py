@@ -27,23 +27,29 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from numba import types
+
 from orbits.kernels.binding import plus
 from orbits.kernels.compile import kernel
 from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import (
     WIDTH,
+    fma,
     full,
     get,
     halves,
+    inverse_powers,
     joined,
     lane,
     load,
+    load_like,
     select,
     store,
+    store_like,
     transposed,
     unit,
 )
-from orbits.kernels.maps.interaction import change_of_pull, difference, pair_of, with_pull
+from orbits.kernels.maps.interaction import Pair, change_of_pull, difference, pair_of
 from orbits.kernels.maps.jacobi_tables import flow_rows, of_places
 from orbits.kernels.maps.orbits import Orbits, displaced, kicked, moved, pushed_and_drifted
 from orbits.kernels.maps.terms_by_kind import depends_on_velocities, strength_of
@@ -97,17 +103,36 @@ def with_force(marched, g):
     return Marched(marched.orbits, g, marched.gm, marched.number, marched.common)
 
 
+@verb
+def _keep_powers(rows, j, cubed, squared):
+    """Write powers of the distances from planet j to the workspace of `interaction`, unless this is None."""
+    return (lambda rows, j, cubed, squared: None) if rows == types.none else _store_powers
+
+
+def _store_powers(rows, j, cubed, squared):
+    store_like(rows, WIDTH + 4 * j, 1, cubed)
+    store_like(rows, WIDTH + 4 * j + 2, 1, squared)
+
+
 @kernel(inline=True)
-def _plain(line, first, count, second, place, moved, marched):
+def _load_powers(like, rows, j):
+    return load_like(like, rows, WIDTH + 4 * j, 1), load_like(like, rows, WIDTH + 4 * j + 2, 1)
+
+
+@kernel(inline=True)
+def _plain(line, first, count, second, place, moved, marched, rows):
     """Return (g, u) at a place relative to R_i.
 
     line : the table, row after row; second : whether of the planets at displaced positions; moved : C_i and B_i
+    rows : receives powers of the distances from the planets, for `_modified`, or None
     """
     u, g = plus(place, moved[0]), moved[1]
     for j in range(count):
         row = WIDTH * (first + j)
         d = minus(load_three(line, row + 3 * second), u)
-        g = with_pull(g, get(line, row + 6), d, d, False)
+        cubed, squared = inverse_powers(fma(d[2], d[2], fma(d[1], d[1], d[0] * d[0])))
+        _keep_powers(rows, j, cubed, squared)
+        g = added(g, cubed * get(line, row + 6), d)
     if marched.common == 0:  # inside all planets the pull of the dominant body is that of the Kepler part, exactly
         return g, u
     kepler, centre = marched.gm * pair_of(place).cubed, central(line, first + count, marched) * pair_of(u).cubed
@@ -127,17 +152,19 @@ def _differences(a, b, c, d):
 
 
 @kernel(inline=True)
-def _modified(line, first, count, shift, marched, plain, second):
+def _modified(line, first, count, shift, marched, plain, second, rows):
     """Return g of the modified kick.
 
-    plain : (g, u), from `_plain`; second : the displacement of R_i - R_0, and B_i of the modified kick
+    plain : (g, u), from `_plain`, with what it wrote to `rows`; second : the displacement of R_i - R_0, and B_i of the
+        modified kick
     """
     (g, u), (e, change) = plain, second
     shifted, e = times(shift, g), added(e, shift, g)
     for j in range(count):
         row = WIDTH * (first + j)
         d, apart = minus(load_three(line, row), u), minus(load_three(line, row + 3), e)
-        change = with_pull(change, get(line, row + 6), d, apart, True)
+        cubed, squared = _load_powers(marched.gm, rows, j)
+        change = added(change, get(line, row + 6), change_of_pull(Pair(d, cubed, squared), apart))
     if marched.common == 0:
         return plus(g, change)
     kepler, centre = change_of_pull(pair_of(marched.orbits.place), shifted), change_of_pull(pair_of(u), e)
@@ -149,20 +176,23 @@ def _modified(line, first, count, shift, marched, plain, second):
 def interaction(model, table, first, shift, lazy, marched, rows):
     """Return g for the kick of a step: plain, modified, or at displaced positions.
 
-    shift : h^2/12, or 0 for the plain kick; lazy : whether it is the lazy one; rows : (8, 8), workspace
+    shift : h^2/12, or 0 for the plain kick; lazy : whether it is the lazy one
+    rows : workspace, (8, 8), and four rows for each planet unless it is the plain or the lazy kick
     """
     count, place = strength_of(model).shape[0] - 2, marched.orbits.place
     line, number, common, places = flat(table), marched.number, marched.common, first + count
     moved = of_places(line, places, 0, number, common, rows)
-    g, u = _plain(line, first, count, 0, place, moved, marched)
+    if shift != 0.0 and not lazy:
+        plain = _plain(line, first, count, 0, place, moved, marched, rows)
+        e, b = of_places(line, places, 1, number, common, rows)
+        # The plain B_i is in g already.
+        g, u = _modified(line, first, count, shift, marched, plain, (e, minus(b, moved[1])), rows), plain[1]
+        return pull_more(model, u, g)
+    g, u = _plain(line, first, count, 0, place, moved, marched, None)
     if lazy:
         there = added(place, shift, pull_more(model, u, g))
         moved = of_places(line, places, 1, number, common, rows)
-        g, u = _plain(line, first, count, 1, there, moved, marched)
-    elif shift != 0.0:
-        e, b = of_places(line, places, 1, number, common, rows)
-        # The plain B_i is in g already.
-        g = _modified(line, first, count, shift, marched, (g, u), (e, minus(b, moved[1])))
+        g, u = _plain(line, first, count, 1, there, moved, marched, None)
     return pull_more(model, u, g)
 
 
