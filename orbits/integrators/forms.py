@@ -38,7 +38,8 @@ class Form:
 
     kernels : "step", and optionally "begin", "step_particles", "begin_particles", and those of two times eight
         particles, "begin_pair", "step_pair" and "keep_pair"; and integer constants: "width", 8 if massless particles
-        are in lanes (the default), 1 if the stages of one particle are
+        are in lanes (the default), 1 if the stages of one particle are; "group", 8 if of those in lanes eight are
+        marched at a time, and not two times eight
     """
 
     kernels: ClassVar[Mapping[str, Any]]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import orbits
+from orbits.integrators.maps import jacobi_form
 from orbits.kernels.compile import kernel
 from orbits.kernels.rounds import COUNTERS, DISMISSED, Turns, claim_piece, next_round
 from orbits.lagrangians.newtonian import newtonian, parameters
@@ -19,6 +20,8 @@ from orbits.marching.following.contract import follow_block
 from orbits.marching.following.follower import Follower
 from orbits.marching.legs.leg import Leg
 from orbits.marching.stepping.pool import Helpers
+
+from ..problems import belt
 
 PIECES, HELPERS, ROUNDS = 7, 3, 3000
 
@@ -157,3 +160,15 @@ def test_the_way_of_following_is_chosen_once():
     kinds = {way: type(cloud(*WAYS[way], 1, particles=8).stepper.loops._follower) for way in WAYS}
     assert kinds["in lanes"] is kinds["one after another"] is Follower
     assert len(set(kinds.values())) == 3
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("method", [orbits.WisdomHolman(), orbits.WisdomHolman(kernel="standard", corrector=0)])
+def test_particles_have_the_same_bits_eight_or_twice_eight_at_a_time(monkeypatch, method):
+    # Eight where registers of the processor have four numbers, for kicks of two parts; the samples lie within steps.
+    system, found = belt(20), []
+    for features in (frozenset(), frozenset({"avx512f"})):
+        monkeypatch.setattr(jacobi_form, "cpu_features", lambda features=features: features)
+        run = orbits.propagate(system, method, dt="3 d", duration="600 d", samples=41, check_step=False)
+        found.append((run.q.value, run.v.value))
+    assert np.array_equal(found[0], found[1])

@@ -23,7 +23,7 @@ from orbits.integrators.maps.jacobi_form_particles import (
     step_particles,
 )
 from orbits.integrators.maps.on_kepler_orbits import InJacobiCoordinates, Program, in_order
-from orbits.kernels.compile import kernel
+from orbits.kernels.compile import cpu_features, kernel
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.maps.jacobi import number_planets, prepare_room, show_planets
 from orbits.kernels.maps.jacobi_stages import NO_TABLE, evaluate_kick, take_step
@@ -92,9 +92,15 @@ class KeplerSplitting(InJacobiCoordinates):
     }
 
     def own_kernels(self) -> Mapping[str, Any]:
-        """Return the kernels of this instance: particles with terms are not taken two times eight at once."""
+        """Return the kernels of this instance. Particles with terms are not taken two times eight at once; nor others
+        whose kick has two parts, where a register of the processor has four numbers: they take 0.87 of the time.
+        """
         own = super().own_kernels()
-        return {**own, **self.of_pairs} if self.among_particles and not self.with_terms else own
+        if not self.among_particles:
+            return own
+        if self.kernel != "standard" and "avx512f" not in cpu_features():
+            return {**own, "group": WIDTH}
+        return own if self.with_terms else {**own, **self.of_pairs}
 
     def entry(self, h: float) -> Program:
         """The corrector."""

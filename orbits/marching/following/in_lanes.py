@@ -4,9 +4,10 @@ another with the stages of each in lanes, as their method does it.
 
 from __future__ import annotations
 
-from orbits.kernels.binding import Tag
+from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.clocks import step_of
 from orbits.kernels.compile import kernel
+from orbits.kernels.compile.verbs import verb
 from orbits.kernels.lanes import WIDTH, full, lane, load, select, store, unit
 from orbits.kernels.search.observers import call_observer
 from orbits.kernels.search.paths import record_particles
@@ -19,7 +20,9 @@ from orbits.kernels.steps import (
     Share,
     Storage,
     begin_pair,
+    begin_particles,
     keep_pair,
+    keep_particles,
     step_pair,
     step_particles,
 )
@@ -32,6 +35,44 @@ GROUP = 2 * WIDTH
 
 @kernel(inline=True)
 def march_in_lanes(own, form, method, model, clock, block, particles, room, p, stop):
+    """March the particles p ... stop - 1, two groups of eight or one, in lanes."""
+    return _march_groups(method, model, clock, block, particles, room, p, stop)
+
+
+@verb
+def _march_groups(method, model, clock, block, particles, room, p, stop):
+    return _march_each if kernel_of(method.types[0], "group") == WIDTH else _march_pair
+
+
+def _march_each(method, model, clock, block, particles, room, p, stop):
+    evaluations = 0
+    for first in range(p, stop, WIDTH):
+        evaluations += _march_eight(method, model, clock, block, particles, room, first, min(first + WIDTH, stop))
+    return evaluations
+
+
+@kernel
+def _march_eight(method, model, clock, block, particles, room, p, stop):
+    """March eight particles, p ... stop - 1, in lanes."""
+    (_, h), steps, columns, retired = step_of(clock, 0), block.count[0], particles.columns, particles.retired
+    track, storage, one = room.track, _at(block, particles, room, 0, p), _present(columns, retired, p)
+    carry = begin_particles(method, model, one, storage)
+    record_particles(track, 0, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+    evaluations = 0
+    for k in range(steps):
+        (t, h), storage = step_of(clock, k), _at(block, particles, room, k, p)
+        if has_sample(particles.samples, k):
+            keep_particles(method, carry, _kept(particles.samples, room, block.stages[k], k, p, one))
+        one, carry, _, count = step_particles(method, model, t, h, one, carry, storage)
+        record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
+        evaluations += count * (stop - p)
+    keep_particles(method, carry, storage)
+    _finish(columns, retired, track, steps, p, one, stop)
+    call_observer(room.observer, room.context, track, h, steps, p, stop)
+    return evaluations
+
+
+def _march_pair(method, model, clock, block, particles, room, p, stop):
     """March two groups of eight particles, p ... stop - 1, in lanes, so that their instructions overlap."""
     (_, h), steps, columns, retired = step_of(clock, 0), block.count[0], particles.columns, particles.retired
     track, other = room.track, room.track[room.track.shape[0] // 2 :]
@@ -45,7 +86,9 @@ def march_in_lanes(own, form, method, model, clock, block, particles, room, p, s
     for k in range(steps):
         (t, h), storages = step_of(clock, k), (_at(block, particles, room, k, p), _at(block, particles, room, k, P))
         if has_sample(particles.samples, k):
-            _keep(method, particles.samples, room, block.stages[k], k, p, P, one, two, carry)
+            samples, stages = particles.samples, block.stages[k]
+            kept = _kept(samples, room, stages, k, p, one), _kept(samples, room, stages, k, P, two)
+            keep_pair(method, carry, kept)
         one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
         # At once, as methods that march other variables need these no longer.
         record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
@@ -61,14 +104,13 @@ def march_in_lanes(own, form, method, model, clock, block, particles, room, p, s
 
 
 @kernel
-def _keep(method, samples, room, stages, k, p, P, one, two, carry):
-    """Keep particles p ... p + 7 and P ... P + 7 at the beginning of step k, in which there is a sample."""
+def _kept(samples, room, stages, k, p, particles):
+    """Keep particles p ... p + 7 at the beginning of step k, in which there is a sample; return where their carry is to
+    be kept.
+    """
     columns, memory = kept_at(samples, k)
-    store_particles(columns, p, one)
-    store_particles(columns, P, two)
-    here, there = Share(p, p + WIDTH, None), Share(P, P + WIDTH, None)
-    storages = Storage(memory, room.scratch, stages, here), Storage(memory, room.scratch, stages, there)
-    keep_pair(method, carry, storages)
+    store_particles(columns, p, particles)
+    return Storage(memory, room.scratch, stages, Share(p, p + WIDTH, None))
 
 
 @kernel(inline=True)
