@@ -60,8 +60,14 @@ class Residuals:
         return {name: np.asarray(np.linalg.norm(x, axis=1)) for name, x in self.km.items()}
 
     def largest(self, within: float | None = None) -> dict[str, float]:
-        """Return the largest length by body, km, of all samples or of those within some years since the epoch."""
+        """Return the largest length by body, km, of all samples or of those within some years since the epoch.
+
+        Raises InputError if no sample is.
+        """
         some = np.abs(self.years) <= (np.inf if within is None else within)
+        if not some.any():
+            first = float(np.abs(self.years).min())
+            raise InputError(f"there are no samples within {within} years of the epoch; the first is after {first:g}.")
         return {name: float(x[some].max()) for name, x in self.distances.items()}
 
     def last_tenth(self) -> dict[str, float]:
@@ -72,7 +78,7 @@ class Residuals:
     @property
     def _columns(self) -> list[tuple[str, dict[str, float]]]:
         span = float(np.abs(self.years).max())
-        marks = [y for y in (1.0, 10.0, 100.0) if y < 0.99 * span]
+        marks = [y for y in (1.0, 10.0, 100.0) if np.abs(self.years).min() <= y < 0.99 * span]
         within = [(f"within {y:g} yr", self.largest(y)) for y in marks]
         return [*within, (f"within {span:.4g} yr", self.largest()), ("in the last tenth", self.last_tenth())]
 
