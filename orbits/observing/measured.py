@@ -257,7 +257,7 @@ def _whole_numbers(given: Any, size: int) -> Array:
 
 def _masked(given: Any) -> bool:
     """Return whether any of what is given is masked."""
-    return bool(np.any(getattr(given, "mask", False)))
+    return isinstance(given, np.ndarray | Time) and bool(np.any(getattr(given, "mask", False)))
 
 
 def _fields(one: Any) -> list[Any]:
