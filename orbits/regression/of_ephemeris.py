@@ -22,7 +22,7 @@ from orbits.errors import EpochError, InputError, shown
 from orbits.export import html_table, text_table
 from orbits.json_text import json_text, plain
 from orbits.regression.kernels import DE440, Kernel, dates, is_kernel, opened
-from orbits.spk.bodies import checked_ids, known_number
+from orbits.spk.bodies import checked_ids, known_number, light_ones
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -203,7 +203,8 @@ def _common(
     if not names:
         raise InputError("bodies is empty; expected names, or None for all that the ephemeris has.")
     given = checked_ids(system.names, ids)
-    numbers = {name: known_number(name, given) for name in names if name != "Sun"}
+    light = light_ones(system)
+    numbers = {name: known_number(name, given, light) for name in names if name != "Sun"}
     if not numbers:
         raise InputError("there is only the Sun, from which positions are compared; expected other bodies.")
     whole, rests = dates(epoch.jd1, epoch.jd2, days)
