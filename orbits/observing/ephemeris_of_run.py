@@ -249,7 +249,8 @@ class Sight:
         if sun is None or self.where.at_sun:
             return aberrated(direction, self.speed, FAR)
         bent = direction if is_sun else deflected(direction, q, self.here, sun.q)
-        return aberrated(bent, self.speed, np.linalg.norm(self.here - sun.q, axis=1))
+        away = np.linalg.norm(self.here - sun.q, axis=1)
+        return aberrated(bent, self.speed, np.where(away > 0.0, away, FAR))  # a run may have the Sun at its origin
 
 
 def _angles(direction: Array) -> tuple[Array, Array]:
