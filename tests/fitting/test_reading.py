@@ -237,6 +237,9 @@ def test_uncertainties_are_those_of_veres_by_station_date_and_catalogue():
     for station, expected in (("C51", 1.0), ("250", 1.5)):  # in both formats, whatever the mode
         assert sigma(*(line[:-3] + station for line in in_space)) == [expected]
         assert sigma(head + place[0], row.replace("568", station) + place[1]) == [expected]
+    for code, mode, expected in (("n", "VID", 1.0), ("N", "NOR", 2.5), ("e", "ENC", 0.75), ("C", "CCD", 0.1)):
+        line = APOPHIS.replace("C2004", f"{code}2004")
+        assert sigma(line[:-9] + "V" + line[-8:-3] + "568") == sigma(head, row.replace("CCD", mode)) == [expected]
     night = [APOPHIS.replace(".10789", f".1078{k}") for k in range(9)]
     assert sigma(*night) == pytest.approx([0.5 * 1.5] * 9)
     assert Observations.parse(CCD).sigma[0].to_value(u.arcsec).tolist() == [0.1, 0.2]
