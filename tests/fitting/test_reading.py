@@ -205,6 +205,12 @@ def test_packed_names_are_unpacked(number, provisional, name):
     assert packed.name(number, provisional) == name
 
 
+def test_catalogues_have_the_names_of_ades():
+    """As in packUtil.py of ADES-Master. "m" was ACT."""
+    for letter, name in (("l", "ACT"), ("m", "GSCACT"), ("V", "Gaia2"), ("t", "PPMXL"), ("d", "USNOSA2")):
+        assert Observations.parse(APOPHIS[:71] + letter + APOPHIS[72:]).records[0].catalogue == name
+
+
 def test_times_before_utc_are_those_of_the_earth():
     text = APOPHIS.replace("2004 03 15.10789", "1938 11 28.00000")
     (time,) = Observations.parse(text).time
