@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from orbits.checks import real_numbers
 from orbits.errors import EpochError, InputError, UnknownNameError, shown
 from orbits.later import later
 from orbits.resources import data_path
@@ -114,10 +115,12 @@ def states(names: Iterable[str], jd1: float, jd2: float = 0.0) -> tuple[Floats, 
 
     jd1 + jd2 : Julian date, TDB; two parts, as in astropy's Time, keep more digits than one
     Positions and velocities are relative to the Solar System barycentre, in the axes of the ICRF.
-    Raises UnknownNameError, and EpochError for a date that is not covered.
+    Raises UnknownNameError, EpochError for a date that is not covered, and InputError for what is no date.
     """
-    names = list(names)
-    q, v = tracks(names, [jd1], [jd2])
+    names, (first, second) = list(names), _dates(jd1, jd2)
+    if len(first) != 1:
+        raise InputError(f"jd1 and jd2 are {shown(jd1)} and {shown(jd2)}; expected one date. Several are for `tracks`.")
+    q, v = tracks(names, first, second)
     return gm(names), q[0], v[0]
 
 
@@ -128,7 +131,7 @@ def tracks(names: Iterable[str], jd1: ArrayLike, jd2: ArrayLike = 0.0) -> tuple[
     """
     bodies = [_BODIES[canonical_name(name)] for name in names]
     needed = dict.fromkeys(segment for body in bodies for segment in body.segments)
-    first, second = (np.array(x, dtype=np.float64) for x in np.broadcast_arrays(jd1, jd2))
+    first, second = _dates(jd1, jd2)
     km = np.zeros((2, len(first), len(bodies), 3))
     if not len(first):
         return km[0], km[1]
@@ -154,10 +157,24 @@ def kernel_of(first: float, last: float) -> Any:
 def covers(jd1: ArrayLike, jd2: ArrayLike = 0.0) -> bool:
     """Return whether DE440, as far as it is installed, has all of these Julian dates, TDB."""
     try:
-        _kernel(*np.atleast_1d(*np.broadcast_arrays(jd1, jd2))).close()
+        _kernel(*_dates(jd1, jd2)).close()
     except EpochError:
         return False
     return True
+
+
+def _dates(jd1: Any, jd2: Any) -> tuple[Floats, Floats]:
+    """Return Julian dates in two parts, (m,) each. Raises InputError for what is none."""
+    try:
+        first, second = np.broadcast_arrays(real_numbers(jd1, "jd1"), real_numbers(jd2, "jd2"))
+    except ValueError:  # InputError is one
+        first = second = np.zeros((0, 0))
+    if first.ndim > 1:
+        raise InputError(
+            f"jd1 and jd2 are {shown(jd1)} and {shown(jd2)}; expected Julian dates, TDB, such as time.tdb.jd1 and "
+            "time.tdb.jd2 of an astropy Time"
+        )
+    return np.array(np.atleast_1d(first)), np.array(np.atleast_1d(second))
 
 
 def _kernel(jd1: Floats, jd2: Floats) -> Any:

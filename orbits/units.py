@@ -223,6 +223,8 @@ class UnitSystem:
             x = _gathered(x)
             if isinstance(x, u.Quantity):
                 x = x.to_value(unit)
+            if isinstance(x, np.ndarray) and np.any(getattr(x, "mask", False)):
+                raise TypeError("masked values are undefined")
             array = np.asarray(x)
             if array.dtype.kind not in "iuf":
                 raise TypeError(f"got {kind_of(array)}")

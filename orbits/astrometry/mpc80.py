@@ -42,7 +42,7 @@ UNUSED = {
 CATALOGUES = {
     "U": "Gaia1", "V": "Gaia2", "W": "Gaia3", "X": "Gaia3E", "Z": "ATLAS2", "Y": "UCAC5", "q": "UCAC4",
     "r": "UCAC2", "u": "UCAC3", "t": "PPMXL", "L": "2MASS", "o": "USNOB1", "s": "USNOB2", "c": "USNOA2",
-    "a": "USNOA1", "d": "USNOSA2", "m": "ACT", "w": "CMC14", "v": "NOMAD", "i": "GSC1.1", "e": "UCAC1",
+    "a": "USNOA1", "d": "USNOSA2", "l": "ACT", "m": "GSCACT", "w": "CMC14", "v": "NOMAD", "i": "GSC1.1", "e": "UCAC1",
 }
 """Names in ADES of the catalogues that are usual in column 72; others keep their letter."""
 

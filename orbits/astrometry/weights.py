@@ -38,7 +38,7 @@ BY_CATALOGUE = {
     "Y28": {"PPMXL": 0.3, **dict.fromkeys(GAIA, 0.3)},
     **{station: dict.fromkeys(GAIA, 0.1) for station in ("T09", "T12", "T14")},
 }
-PHOTOGRAPHIC = ("", "P", "A", "N", "Z", "PHO", "UNK")
+PHOTOGRAPHIC = ("", "P", "A", "N", "Z", "PHO", "NOR", "UNK")
 """Modes of plates. In ADES, UNK stands for what has no letter in 80 columns: plates, as a rule."""
 
 BY_MODE = {
@@ -46,7 +46,7 @@ BY_MODE = {
     **dict.fromkeys(("T", "MER"), 0.5),
     **dict.fromkeys(("e", "ENC"), 0.75),
     **dict.fromkeys(("M", "MIC"), 2.0),
-    **dict.fromkeys(("n",), 1.0),
+    **dict.fromkeys(("n", "VID"), 1.0),
 }
 FROM_SPACE = 1.5
 """Of telescopes in space that have none of their own in BY_STATION, as WISE (C51) has."""

@@ -22,6 +22,9 @@ from orbits.catalogue.names import parts, rows_by_name
 from orbits.resources import data_path
 
 FILE = "jpl_sbdb_belt_and_trojans.csv"
+LARGEST_ASTEROID = 1e-9
+"""Bodies of a larger GM, in that of the Sun, are no asteroids, such as Jupiter's Europa; Ceres has half of it."""
+
 EPOCH_MJD = 59800.0
 """The epoch of the elements, MJD TDB (2022-08-09); two asteroids with another epoch are returned only by name."""
 

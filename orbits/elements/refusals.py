@@ -60,6 +60,8 @@ def numbers(what: str, value: ArrayLike, expected: str) -> Floats:
     try:
         if isinstance(value, np.ma.MaskedArray) or hasattr(value, "unit"):
             raise TypeError("a masked array" if isinstance(value, np.ma.MaskedArray) else "it carries a unit")
+        if isinstance(value, np.ndarray) and np.any(getattr(value, "mask", False)):
+            raise TypeError("masked values are undefined")
         array = np.asarray(value)
         if array.dtype.kind not in "iuf":
             raise TypeError(f"got {kind_of(array)}")

@@ -276,6 +276,8 @@ def _sigma(observations: Observations, sigma: Any) -> Array:
     if sigma is None:
         return out
     try:
+        if isinstance(sigma, np.ndarray) and np.any(getattr(sigma, "mask", False)):
+            raise ValueError("masked values are undefined")
         given = u.Quantity(sigma).to_value(u.arcsec)
         values = np.array(np.broadcast_to(given[:, None] if given.ndim == 1 else given, out.shape))
     except (u.UnitConversionError, TypeError, ValueError):

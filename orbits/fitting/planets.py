@@ -26,6 +26,7 @@ from orbits.propagation.planetary import ELEMENTS, MOST_E, Model, checked_start,
 from orbits.results.covariance import Covariance
 from orbits.results.planet_fit import PlanetFit
 from orbits.time_grid import times_since
+from orbits.units import SMALLEST_PLAIN_JULIAN_DATE
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -195,6 +196,12 @@ def fit_planets(
     several: Any = observations if isinstance(observations, list | tuple) else [observations]
     transits: TransitTimes | None = _together(one for one in several if isinstance(one, TransitTimes))
     velocities: RadialVelocities | None = _together(one for one in several if isinstance(one, RadialVelocities))
+    for one in several:
+        if len(one) and one.time.jd.min() < SMALLEST_PLAIN_JULIAN_DATE:
+            raise InputError(
+                f"{one} begin at JD {one.time.jd.min():.9g}, before 1975 BC; expected Julian dates. If days count from "
+                "another date, add it, or read the file with it: zero=2400000.5 of modified Julian dates."
+            )
     system = checked_start(with_planets(system, transits))
     planets = system.names[1:]
     free = _free(elements, planets)

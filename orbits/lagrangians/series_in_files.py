@@ -7,8 +7,10 @@ Source: NAIF's "SPK Required Reading", types 2 and 3.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 from collections.abc import Sequence
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -21,7 +23,7 @@ from orbits.kernels.ephemeris.chebyshev import BEFORE_COEFFICIENTS, COLUMNS, Giv
 
 Array = NDArray[np.float64]
 
-DAY, J2000 = 86400.0, 2451545.0
+DAY, J2000 = 86400, 2451545
 KM_PER_AU = 149597870.7
 BARYCENTRE, ICRF = 0, 1
 """NAIF's numbers of the origin and of the axes, which NAIF calls J2000."""
@@ -49,6 +51,8 @@ class Series(NamedTuple):
 
 
 class _Segment(NamedTuple):
+    """A segment; start, end, initial and length in seconds, past J2000."""
+
     file: int
     target: int
     centre: int
@@ -123,7 +127,7 @@ def _segments(file: int, path: str) -> list[_Segment]:
             directory: Any = kernel.daf.read_array(each.end_i - 3, each.end_i)
             initial, length, size, records = directory.tolist() if each.data_type in PARTS else (0.0, 1.0, 0, 0)
             what = (file, each.target, each.center, each.frame, each.data_type)
-            where = (each.start_jd, each.end_jd, each.start_i - 1)
+            where = (each.start_second, each.end_second, each.start_i - 1)
             out.append(_Segment(*what, *where, initial, length, int(size), int(records)))
     return out
 
@@ -138,9 +142,10 @@ def _covering(
             f"{names} {'have' if len(files) > 1 else 'has'} no body with NAIF's number {target}; expected a kernel "
             "with all bodies asked for."
         )
-    there = [s for s in found[target] if (jd1 - s.start) + jd2 >= 0.0 >= (jd1 - s.end) + jd2]
+    spans = [_span(s, jd1, jd2) for s in found[target]]
+    there = [s for s, (start, end) in zip(found[target], spans, strict=True) if start <= 0.0 <= end]
     if not there:
-        covered = ", ".join(f"JD {s.start:.1f} to {s.end:.1f}" for s in found[target])
+        covered = ", ".join(f"JD {J2000 + s.start / DAY:.1f} to {J2000 + s.end / DAY:.1f}" for s in found[target])
         raise EpochError(
             f"the epoch, JD {jd1 + jd2:.1f} TDB, is outside {names}, which {'have' if len(files) > 1 else 'has'} body "
             f"{target} for {covered}. Choose an epoch in that range, or another kernel."
@@ -154,18 +159,28 @@ def _covering(
     return max(known, key=lambda s: s.end - s.start)
 
 
+def _days(second: Fraction | float, jd1: float, jd2: float) -> Fraction:
+    """Return when a second past J2000 is, in days since the epoch."""
+    return Fraction(second) / DAY + J2000 - Fraction(jd1) - Fraction(jd2)
+
+
+def _span(segment: _Segment, jd1: float, jd2: float) -> tuple[float, float]:
+    """Return the days since the epoch that a segment covers, and as much as its ends may be rounded."""
+    rounding = 4.0 * np.spacing(max(abs(segment.start), abs(segment.end))) / DAY
+    start, end = (float(_days(x, jd1, jd2)) for x in (segment.start, segment.end))
+    return start - rounding, end + rounding
+
+
 def _row(segment: _Segment, jd1: float, jd2: float) -> tuple[Array, tuple[float, float]]:
     """Return the row of the table for a segment, without the body, and the days since the epoch that it covers."""
-    begins = J2000 + segment.initial / DAY  # exact: whole seconds, and days with a fraction of few bits
-    span = segment.length / DAY
-    since = (jd1 - begins) + jd2
-    first = min(max(int(since // span), 0), segment.records - 1)
-    start = (begins + first * span) - jd1
-    high = start - jd2
-    low = (start - high) - jd2
+    initial, length = Fraction(segment.initial), Fraction(segment.length)
+    first = min(max(math.floor(-_days(initial, jd1, jd2) * DAY / length), 0), segment.records - 1)
+    start = _days(initial + first * length, jd1, jd2)
+    high = float(start)
     row = np.zeros(COLUMNS)
     row[chebyshev.FILE], row[chebyshev.WORDS], row[chebyshev.SIZE] = segment.file, segment.first_word, segment.size
     row[chebyshev.COUNT] = (segment.size - BEFORE_COEFFICIENTS) // PARTS[segment.kind]
-    row[chebyshev.RECORDS], row[chebyshev.FIRST], row[chebyshev.SPAN] = segment.records, first, span
-    row[chebyshev.START_HI], row[chebyshev.START_LO], row[chebyshev.SCALE] = high, low, KM_PER_AU
-    return row, ((segment.start - jd1) - jd2, (segment.end - jd1) - jd2)
+    row[chebyshev.RECORDS], row[chebyshev.FIRST], row[chebyshev.SPAN] = segment.records, first, segment.length / DAY
+    row[chebyshev.START_HI], row[chebyshev.START_LO] = high, float(start - Fraction(high))
+    row[chebyshev.SCALE] = KM_PER_AU
+    return row, _span(segment, jd1, jd2)

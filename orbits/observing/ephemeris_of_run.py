@@ -12,6 +12,7 @@ from astropy.time import Time
 from numpy.typing import NDArray
 
 from orbits.body_names import chosen
+from orbits.catalogue.bundled import LARGEST_ASTEROID
 from orbits.checks import check_physical
 from orbits.errors import InputError
 from orbits.observing import earth
@@ -30,9 +31,6 @@ Array = NDArray[np.float64]
 
 MOST_STATES = 1 << 21
 """The most states of bodies that are computed at once."""
-
-LARGEST_ASTEROID = 1e-9 * GM_SUN
-"""Bodies of a larger GM, au^3/d^2, are no asteroids, such as Jupiter's Europa; Ceres has half of it."""
 
 
 def ephemeris_of(
@@ -59,7 +57,8 @@ def ephemeris_of(
     targets = _targets(run.names, bodies, where)
     sight = Sight.of(track, t, where)
     lit = [i for i in targets if sight.placing.sun is not None and known(run.names[i]) != SUN]
-    small = [run.names[i] for i in lit if system.values.gm[i] * track.gm_unit <= LARGEST_ASTEROID or H is not None]
+    largest = LARGEST_ASTEROID * GM_SUN / track.gm_unit
+    small = [run.names[i] for i in lit if system.values.gm[i] <= largest or H is not None]
     known_slopes = slopes(small, H, G)
     columns = {name: np.full((len(t), len(targets)), np.nan) for name in COLUMNS}
     for k, seen in sight.each(track, targets):
@@ -250,7 +249,8 @@ class Sight:
         if sun is None or self.where.at_sun:
             return aberrated(direction, self.speed, FAR)
         bent = direction if is_sun else deflected(direction, q, self.here, sun.q)
-        return aberrated(bent, self.speed, np.linalg.norm(self.here - sun.q, axis=1))
+        away = np.linalg.norm(self.here - sun.q, axis=1)
+        return aberrated(bent, self.speed, np.where(away > 0.0, away, FAR))  # a run may have the Sun at its origin
 
 
 def _angles(direction: Array) -> tuple[Array, Array]:

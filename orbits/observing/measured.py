@@ -17,11 +17,15 @@ from orbits.body_names import few, index_of
 from orbits.checks import finite_number
 from orbits.errors import InputError, UnknownNameError, counted, shown
 from orbits.observing.transits import Linear, counted_transits, orbits_between
+from orbits.units import date_text
 
 Array = NDArray[np.float64]
 
 MOST_LINES = 5
 """The most lines of a file that an error names."""
+
+MOST_NUMBER = 2**53
+"""Numbers of transits are below this, so that they are exact."""
 
 LEFT_OUT = "-"
 """Stands for a column of a file that is not read."""
@@ -245,7 +249,7 @@ def _whole_numbers(given: Any, size: int) -> Array:
         number = np.array(np.broadcast_to(np.nan, size) if given is None else given, dtype=np.float64)
     except (TypeError, ValueError):
         number = np.zeros(0)
-    whole = np.isnan(number) | (np.isfinite(number) & (number == np.rint(number)))
+    whole = np.isnan(number) | ((abs(number) < MOST_NUMBER) & (number == np.rint(number)))
     if number.shape != (size,) or _masked(given) or not whole.all():
         raise InputError(f"number is {shown(given)}; expected {size} whole numbers.")
     return number
@@ -253,7 +257,7 @@ def _whole_numbers(given: Any, size: int) -> Array:
 
 def _masked(given: Any) -> bool:
     """Return whether any of what is given is masked."""
-    return bool(np.any(getattr(given, "mask", False)))
+    return isinstance(given, np.ndarray | Time) and bool(np.any(getattr(given, "mask", False)))
 
 
 def _fields(one: Any) -> list[Any]:
@@ -291,7 +295,8 @@ def _dates(zero: float, days: Array) -> Time:
 
 
 def _span(time: Time) -> str:
-    return f", {time.min().iso[:10]} to {time.max().iso[:10]}" if len(time) else ""
+    first, last = (date_text(x).partition(" ")[0] for x in (time.min(), time.max())) if len(time) else ("", "")
+    return f", {first} to {last}" if first else ""
 
 
 def _columns(

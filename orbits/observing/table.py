@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.body_names import Named, chosen, few, index_of
 from orbits.export import MOST_ROWS, Labelled, Tabular, Variable, html_table, text_table
+from orbits.units import written
 
 if TYPE_CHECKING:
     from astropy.coordinates import SkyCoord
@@ -147,9 +148,11 @@ class Ephemeris(Named, Tabular):
 
     @property
     def date(self) -> Time:
-        """The times of the observation, (m,), in TDB, or in UTC if they were given so."""
+        """The times of the observation, (m,), in TDB, or in UTC if they were given so; Julian years outside those of
+        calendars.
+        """
         dates = self.epoch + self.t
-        return (dates.utc if self.head.utc else dates).copy(format="iso")
+        return written((dates.utc if self.head.utc else dates).copy(format="iso"))
 
     def skycoord(self) -> SkyCoord:
         """Return the astrometric places as an astropy `SkyCoord`, with distances from the observer."""
@@ -212,7 +215,7 @@ class Ephemeris(Named, Tabular):
         times = -(-count // max(1, len(self.names)))
         dates = self.date[:times]
         dates.precision = 0 if self._even(dates) else 3
-        dates = dates.iso
+        dates = dates.iso if dates.format == "iso" else [f"J{year:.6f}" for year in dates.jyear]
         columns = {key: x.reshape(len(self), len(self.names))[:times].ravel() for key, x in self.values.items()}
         rows = []
         for k in range(count):

@@ -12,6 +12,7 @@ from orbits.body_names import index_of
 from orbits.elements.kepler_flow import kepler_flow
 from orbits.errors import InputError
 from orbits.observing.line_of_sight import LineOfSight, arrived, line_of_sight
+from orbits.units import written
 
 if TYPE_CHECKING:
     from astropy.table import QTable
@@ -115,7 +116,7 @@ def transits_of(run: Run, body: str, along: Any, star: str | None) -> QTable:
     linear = Linear.of(number, mid)
     out = QTable({"number": number, "time": u.Quantity(mid, units.time)})
     if run.system.epoch is not None:
-        out.add_column((run.system.epoch + out["time"]).copy(format="iso"), index=1, name="date")
+        out.add_column(written((run.system.epoch + out["time"]).copy(format="iso")), index=1, name="date")
     out["duration"] = u.Quantity(fourth - first, units.time)
     out["full_duration"] = u.Quantity(third - second, units.time)
     out["impact_parameter"] = _impact_parameters(run, mid, planet, other, towards, apparent)

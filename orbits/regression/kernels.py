@@ -23,6 +23,11 @@ READABLE = (2, 3)
 """The data types of SPK segments that are read: Chebyshev series for positions, or for both."""
 
 
+J2000, DAY = 2451545.0, 86400.0
+EDGE = 1e-9
+"""Seconds by which dates at the very beginning of a segment are moved into it."""
+
+
 class Kernel(NamedTuple):
     """An opened SPK kernel.
 
@@ -70,7 +75,8 @@ class Kernel(NamedTuple):
         """Return positions of a body relative to its centre. Raises InputError, EpochError."""
         out, left, centre = np.empty((len(days), 3)), np.ones(len(days), dtype=bool), self._centre(target)
         for segment in self.segments[target]:
-            within = left & ((days - segment.start_jd) + rests >= 0.0) & ((days - segment.end_jd) + rests <= 0.0)
+            early, late = (_seconds_after(second, days, rests) for second in (segment.start_second, segment.end_second))
+            within = left & (early >= -_rounding(segment.start_second)) & (late <= _rounding(segment.end_second))
             if within.any():
                 if not _is_readable(segment) or segment.center != centre:
                     day = float((days + rests)[within][0])
@@ -80,16 +86,27 @@ class Kernel(NamedTuple):
                         f"{segment.center}; expected type 2 or 3, Chebyshev series, in frame 1, J2000, relative to "
                         f"{centre}. Leave this body out, or compare with another file."
                     )
-                out[within] = np.asarray(segment.compute(days[within], rests[within])).T[:, :3]
+                inside = rests - np.minimum(early - EDGE, 0.0) / DAY
+                out[within] = np.asarray(segment.compute(days[within], inside[within])).T[:, :3]
             left &= ~within
         if left.any():
             day = float((days + rests)[left][0])
             begin, end = (min(s.start_jd for s in self.segments[target]), max(s.end_jd for s in self.segments[target]))
             raise EpochError(
-                f"JD {day:.9g} TDB is outside {self.name}, which has body {target} from JD {begin} to {end}. Compare a "
+                f"JD {day!r} TDB is outside {self.name}, which has body {target} from JD {begin} to {end}. Compare a "
                 "shorter run, or another epoch."
             )
         return out
+
+
+def _seconds_after(second: float, days: Array, rests: Array) -> Array:
+    """Return how long after a second past J2000 Julian dates are, within nanoseconds for those near to it."""
+    return np.asarray(((days - J2000) * DAY - second) + rests * DAY)
+
+
+def _rounding(second: float) -> float:
+    """Return by how much the ends of a segment, and dates of a run with such an end, may be rounded, in seconds."""
+    return float(4.0 * np.spacing(abs(second)))
 
 
 def _is_readable(segment: Any) -> bool:

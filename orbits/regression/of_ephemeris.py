@@ -22,7 +22,7 @@ from orbits.errors import EpochError, InputError, shown
 from orbits.export import html_table, text_table
 from orbits.json_text import json_text, plain
 from orbits.regression.kernels import DE440, Kernel, dates, is_kernel, opened
-from orbits.spk.bodies import checked_ids, known_number
+from orbits.spk.bodies import checked_ids, known_number, light_ones
 from orbits.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -60,8 +60,14 @@ class Residuals:
         return {name: np.asarray(np.linalg.norm(x, axis=1)) for name, x in self.km.items()}
 
     def largest(self, within: float | None = None) -> dict[str, float]:
-        """Return the largest length by body, km, of all samples or of those within some years since the epoch."""
+        """Return the largest length by body, km, of all samples or of those within some years since the epoch.
+
+        Raises InputError if no sample is.
+        """
         some = np.abs(self.years) <= (np.inf if within is None else within)
+        if not some.any():
+            first = float(np.abs(self.years).min())
+            raise InputError(f"there are no samples within {within} years of the epoch; the first is after {first:g}.")
         return {name: float(x[some].max()) for name, x in self.distances.items()}
 
     def last_tenth(self) -> dict[str, float]:
@@ -72,7 +78,7 @@ class Residuals:
     @property
     def _columns(self) -> list[tuple[str, dict[str, float]]]:
         span = float(np.abs(self.years).max())
-        marks = [y for y in (1.0, 10.0, 100.0) if y < 0.99 * span]
+        marks = [y for y in (1.0, 10.0, 100.0) if np.abs(self.years).min() <= y < 0.99 * span]
         within = [(f"within {y:g} yr", self.largest(y)) for y in marks]
         return [*within, (f"within {span:.4g} yr", self.largest()), ("in the last tenth", self.last_tenth())]
 
@@ -197,7 +203,8 @@ def _common(
     if not names:
         raise InputError("bodies is empty; expected names, or None for all that the ephemeris has.")
     given = checked_ids(system.names, ids)
-    numbers = {name: known_number(name, given) for name in names if name != "Sun"}
+    light = light_ones(system)
+    numbers = {name: known_number(name, given, light) for name in names if name != "Sun"}
     if not numbers:
         raise InputError("there is only the Sun, from which positions are compared; expected other bodies.")
     whole, rests = dates(epoch.jd1, epoch.jd2, days)

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Container, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from astropy import units as u
 
 from orbits import ephemeris
 from orbits.body_names import few, index_of
+from orbits.catalogue.bundled import LARGEST_ASTEROID
 from orbits.checks import is_whole
 from orbits.errors import InputError, UnknownNameError, shown
+from orbits.units import GM_SUN
+
+if TYPE_CHECKING:
+    from orbits.protocols import State
 
 PLANETS = dict(zip(ephemeris.BODIES, (10, 1, 2, 3, 399, 301, 4, 5, 6, 7, 8, 9), strict=True))
 """Numbers of the Sun, the Earth, the Moon, and of the barycentres of the other planets with their moons."""
@@ -42,15 +49,22 @@ def checked_ids(names: Sequence[str], ids: Any) -> dict[str, int]:
     return found
 
 
-def numbers(names: Sequence[str], given: Mapping[str, int]) -> dict[str, int]:
-    """Return the number of each body: as given, or known for DE440's bodies and numbered asteroids of the catalogue.
+def light_ones(system: State) -> set[str]:
+    """Return the names of the bodies that have no more mass than an asteroid, unlike Jupiter's Europa."""
+    gm = u.Quantity(system.values.gm, system.units.gm).to_value(u.au**3 / u.day**2)
+    return {name for name, x in zip(system.names, gm, strict=True) if x <= LARGEST_ASTEROID * GM_SUN}
+
+
+def numbers(names: Sequence[str], given: Mapping[str, int], light: Container[str]) -> dict[str, int]:
+    """Return the number of each body: as given, or known for DE440's bodies and numbered asteroids of the catalogue;
+    light : those that may be asteroids.
 
     Raises InputError, naming the bodies, if a body has no number or two have the same.
     """
     found: dict[str, int] = {}
     missing = []
     for name in names:
-        number = known_number(name, given)
+        number = known_number(name, given, light)
         if number is None:
             missing.append(name)
         elif number in found.values():
@@ -66,12 +80,16 @@ def numbers(names: Sequence[str], given: Mapping[str, int]) -> dict[str, int]:
     return found
 
 
-def known_number(name: str, given: Mapping[str, int]) -> int | None:
-    """Return the number of a body as given, or as known by its name; None if it is not."""
+def known_number(name: str, given: Mapping[str, int], light: Container[str]) -> int | None:
+    """Return the number of a body as given, or as known by its name; None if it is not. light : those that may be
+    asteroids.
+    """
     if name in given:
         return given[name]
     if name in PLANETS:
         return PLANETS[name]
+    if name not in light:
+        return None
     try:
         number = int(ephemeris.asteroids(names=name).numbers[0])
     except UnknownNameError:

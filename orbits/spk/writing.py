@@ -95,7 +95,8 @@ def write(
     ids : NAIF numbers by name, for bodies without a number or to replace the usual ones. DE440's bodies have 10 (Sun),
         1 to 9 (a planet with its moons; Mercury and Venus are also found as 199 and 299), 399 and 301 (Earth and Moon,
         each relative to the centre, not to their barycentre as in JPL's files, so astropy does not find them by name).
-        Numbered asteroids of the catalogue have 2000000 + number, or 20000000 + number from 1,000,000 on
+        Numbered asteroids of the catalogue have 2000000 + number, or 20000000 + number from 1,000,000 on, where
+        they have no more mass than an asteroid
     bodies : the bodies to write, by default all
     centre : the body of the run that positions are relative to. By default the origin of the system, labelled 0, the
         Solar System barycentre. With `System.solar_system` the origin is the barycentre of the selected bodies, which
@@ -117,7 +118,7 @@ def write(
     _check(run, tolerance_km)
     wanted = [run.names[i] for i in places] + ([] if centre is None else [centre])
     _refuse_retired(run, wanted)
-    numbers = naif.numbers(wanted, naif.checked_ids(run.names, ids))
+    numbers = naif.numbers(wanted, naif.checked_ids(run.names, ids), naif.light_ones(run.system))
     centre_number = naif.SOLAR_SYSTEM_BARYCENTRE if centre is None else numbers.pop(centre)
 
     grid, coefficients, lost = _fitted(run, places, about, tolerance_km)

@@ -15,7 +15,7 @@ from orbits.body_names import BOTH, checked_names, few
 from orbits.errors import EpochError, InputError, UnknownNameError, shown, with_unit
 from orbits.system import state_checks
 from orbits.system.model import centre_of, masses_at
-from orbits.units import UnitSystem, as_epoch
+from orbits.units import UnitSystem, as_epochs
 
 if TYPE_CHECKING:
     from astropy.time import Time
@@ -336,7 +336,7 @@ def _element(key: str, value: Any, names: Sequence[str], system: System) -> Floa
             raise EpochError(
                 f"{what} is {value}, but the system has no epoch. Give the system an epoch, or T as a time span."
             )
-        return units.time_value((as_epoch(value, what) - system.epoch).to(u.day), what)
+        return units.time_value((as_epochs(value, what) - system.epoch).to(u.day), what)
     if key in TIMES:
         return units.time_value(value, what)
     return units.pure_value(value, what)
@@ -345,4 +345,4 @@ def _element(key: str, value: Any, names: Sequence[str], system: System) -> Floa
 def _is_moment(value: Any) -> bool:
     from astropy.time import Time
 
-    return isinstance(value, str | Time)
+    return isinstance(value, str | Time) or (isinstance(value, list) and all(isinstance(x, str) for x in value))

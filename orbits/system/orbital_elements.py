@@ -83,7 +83,7 @@ class OrbitalElements(Named, Tabled, Tabular):
     def __getitem__(self, name: str) -> OrbitalElements:
         """Return the elements of one body. Raises UnknownNameError, with close matches."""
         i = index_of(name, self.names, "orbit of")
-        if self.a.ndim == 0:
+        if self.a.ndim == self.t.ndim:
             return self
         one = {key: getattr(self, key)[..., i] for key in self.keys()}
         return OrbitalElements(

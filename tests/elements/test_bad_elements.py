@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from astropy import units as u
+from astropy.utils.masked import Masked
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -23,6 +24,7 @@ junk = (
     st.sampled_from([
         "far", "1.0", "", b"1", True, None, 1j, 1.0 + 0j, object(), {}, {"a": 1.0}, {1.0}, (), [], [[]], [None], ["1"],
         [1.0, [2.0]], np.array([1j]), np.array(["x"]), np.array(None), np.ma.masked_array([1.0], mask=[True]),
+        Masked(np.ones(1), mask=True), Masked([1.0] * u.au, mask=True),
         np.datetime64("2000-01-01"), 1.0 * u.km, 1.0 * u.rad, u.au, [1.0 * u.au], np.nan, np.inf, -np.inf, int, len,
     ])
     | st.text(max_size=3)
@@ -126,6 +128,12 @@ def test_a_system_takes_a_body_or_says_why_not(
 def test_a_system_names_the_element_its_unit_and_the_remedy(elements: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         SUN.add("rock", **elements)
+
+
+@pytest.mark.parametrize("e", [Masked(np.array([0.1, 0.2]), mask=[True, False]), np.ma.array([0.1, 0.2], mask=[0, 1])])
+def test_masked_elements_are_refused(e: Any) -> None:
+    with pytest.raises(InputError, match=r"e is .*masked"):
+        state_from_elements(1.0, a=1.0, e=e)
 
 
 @pytest.mark.parametrize("names", [3.0, "Ceres", [1], {"a": 1}, np.array(3.0)])

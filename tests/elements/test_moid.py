@@ -159,9 +159,24 @@ def test_of_a_run_retired_particles_have_no_moid_and_other_samples_are_refused()
         orbits.moid(elements, run[:2].elements(primary="Sun"))
 
 
+def test_samples_of_a_body_are_those_of_the_others_also_where_there_are_as_many_of_them() -> None:
+    system = orbits.System.solar_system("2025-01-01", bodies=["Sun", "Mars", "Jupiter", "Saturn"])
+    q, v = (np.stack([x, x[[0, 2, 3, 1]], x[[0, 3, 1, 2]]]) for x in (system.values.q, system.values.v))
+    run = orbits.Trajectory(system, np.arange(3.0), q, v, step=1.0, integrator=orbits.Gauss(stages=8))
+    elements = run.elements(primary="Sun")
+    found = orbits.moid(elements, elements["Mars"])
+    for k, state in enumerate(run[i] for i in range(3)):
+        one = state.elements(primary="Sun")
+        np.testing.assert_allclose(found[k], orbits.moid(one, one["Mars"]), rtol=1e-15)  # by the order of the pairs
+        np.testing.assert_allclose(orbits.moid(one, elements["Mars"])[k], found[k], rtol=1e-15)
+
+
 def test_orbits_about_other_primaries_are_refused() -> None:
     system = orbits.System.solar_system("2025-01-01", bodies=["Sun", "Earth", "Moon"])
     about = {primary: system.elements(primary=primary) for primary in ("Sun", "Earth")}
+    jacobi = system.elements(primary="jacobi")
+    with pytest.raises(InputError, match=r"centres of mass of the bodies before each, which differ; expected"):
+        orbits.moid(jacobi["Earth"], jacobi["Moon"])
     with pytest.raises(InputError, match=r"about Sun in the frame .* and about Earth"):
         orbits.moid(about["Sun"]["Moon"], about["Earth"]["Moon"])
     with pytest.raises(InputError, match="is no orbit; expected elements"):

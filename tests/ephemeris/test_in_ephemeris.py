@@ -146,6 +146,23 @@ def test_a_run_leads_to_the_last_moment_of_the_ephemeris():
     assert np.abs(moved).max() < 1e-9  # half the acceleration times the square of 1e-3 d is 1.3e-10
 
 
+@pytest.mark.parametrize("days", [20.0, -20.0])
+def test_an_spk_file_of_a_run_is_an_ephemeris_at_its_epoch_and_to_its_ends(tmp_path, days):
+    """Its records begin at any 1/1024 s: in days these were rounded to 40 microseconds, half a metre of the Earth."""
+    bodies = ["Sun", "Mercury", "Earth", "Moon"]
+    began = orbits.System.solar_system("2020-03-01 07:13:11.1", bodies=bodies, origin="ssb")
+    run = orbits.propagate(began, duration=days, samples=5, progress=False)
+    file = run.to_spk(tmp_path / "own.bsp", tolerance_km=1e-5)
+    system = orbits.System.in_ephemeris(str(tmp_path / "own.bsp"), epoch=began.epoch, bodies=bodies)
+    q, _ = system.terms[0].states(run.times)
+    bound = max(file.error_km.values()) + 3e-6  # seconds in the file are good to 60 ns
+    assert np.linalg.norm(q - run.q.value, axis=2).max() * AU_M < 1e3 * bound
+    dust = system.add("dust", primary="Sun", a=1.4, e=0.1)
+    assert np.isfinite(orbits.propagate(dust, duration=days, samples=2, progress=False).q[-1]).all()
+    with pytest.raises(EpochError, match=r"the run would last until t = -?20.0000001 d, but own.bsp"):
+        orbits.propagate(dust, duration=days * (1.0 + 5e-9), samples=2, progress=False)
+
+
 def test_a_run_that_was_interrupted_goes_on_to_the_same_bits(apophis, run, tmp_path):
     calls = []
 

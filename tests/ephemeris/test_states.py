@@ -5,9 +5,12 @@ from __future__ import annotations
 import importlib.util
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from astropy import units as u
+from astropy.time import Time
 
 from orbits import ephemeris, resources
 from orbits.elements import elements_from_state, icrf_to_ecliptic
@@ -199,3 +202,20 @@ def test_no_file_stays_open() -> None:
     before = kernels()  # those that systems in an ephemeris have mapped
     states(["Sun"], J2000)
     assert kernels() == before
+
+
+@pytest.mark.parametrize("date", ["2020-01-01", Time("2020-01-01"), 2451545.0 * u.day, [[2451545.0]], None])
+def test_what_is_no_julian_date_is_refused_in_words(date: Any) -> None:
+    """`ValueError: could not convert string to float`, "setting an array element with a sequence", ..."""
+    for function in (ephemeris.states, ephemeris.tracks):
+        with pytest.raises(InputError, match=r"expected Julian dates, TDB, such as time\.tdb\.jd1"):
+            function(["Sun"], date)
+    with pytest.raises(InputError, match="expected Julian dates"):
+        ephemeris.covers(date)
+
+
+def test_several_dates_are_for_tracks() -> None:
+    with pytest.raises(InputError, match="expected one date"):
+        ephemeris.states(["Sun"], [2451545.0, 2451546.0])  # type: ignore[arg-type]
+    q, v = ephemeris.tracks(["Sun"], 2451545.0)
+    np.testing.assert_array_equal([q[0], v[0]], ephemeris.states(["Sun"], 2451545.0)[1:])

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from astropy import units as u
+from astropy.utils.masked import Masked
 
 import orbits
 from orbits.errors import ConvergenceError, InputError, OrbitsWarning, UnknownNameError
@@ -173,6 +174,7 @@ def test_what_a_fit_says_of_itself(holman):
         (slice(0, 2), {}, "2 observations do not determine an orbit"),
         (slice(None), {"sigma": -1 * u.arcsec}, "sigma is .*; expected angles above 0"),
         (slice(None), {"sigma": 1.0}, "sigma is 1.0; expected angles"),
+        (slice(None), {"sigma": Masked(1.0 * u.arcsec, mask=True)}, "sigma is .*; expected angles"),
         (slice(None), {"system": orbits.System.solar_system()}, "expected one in an ephemeris"),
         (slice(None), {"weights": 1}, "weights"),
     ],

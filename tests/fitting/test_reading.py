@@ -205,6 +205,12 @@ def test_packed_names_are_unpacked(number, provisional, name):
     assert packed.name(number, provisional) == name
 
 
+def test_catalogues_have_the_names_of_ades():
+    """As in packUtil.py of ADES-Master. "m" was ACT."""
+    for letter, name in (("l", "ACT"), ("m", "GSCACT"), ("V", "Gaia2"), ("t", "PPMXL"), ("d", "USNOSA2")):
+        assert Observations.parse(APOPHIS[:71] + letter + APOPHIS[72:]).records[0].catalogue == name
+
+
 def test_times_before_utc_are_those_of_the_earth():
     text = APOPHIS.replace("2004 03 15.10789", "1938 11 28.00000")
     (time,) = Observations.parse(text).time
@@ -237,6 +243,9 @@ def test_uncertainties_are_those_of_veres_by_station_date_and_catalogue():
     for station, expected in (("C51", 1.0), ("250", 1.5)):  # in both formats, whatever the mode
         assert sigma(*(line[:-3] + station for line in in_space)) == [expected]
         assert sigma(head + place[0], row.replace("568", station) + place[1]) == [expected]
+    for code, mode, expected in (("n", "VID", 1.0), ("N", "NOR", 2.5), ("e", "ENC", 0.75), ("C", "CCD", 0.1)):
+        line = APOPHIS.replace("C2004", f"{code}2004")
+        assert sigma(line[:-9] + "V" + line[-8:-3] + "568") == sigma(head, row.replace("CCD", mode)) == [expected]
     night = [APOPHIS.replace(".10789", f".1078{k}") for k in range(9)]
     assert sigma(*night) == pytest.approx([0.5 * 1.5] * 9)
     assert Observations.parse(CCD).sigma[0].to_value(u.arcsec).tolist() == [0.1, 0.2]

@@ -95,6 +95,16 @@ def test_times_of_measurements_are_dates_or_days_in_any_unit():
             orbits.TransitTimes("b", wrong, 0.1)
 
 
+def test_columns_of_pandas_are_measurements():
+    """"time has masked values": columns have a method `mask`."""
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame({"name": ["b", "b"], "time": [2450000.0, 2450010.0], "sigma": [0.1, 0.2], "k": [3, 4]})
+    times = orbits.TransitTimes(table.name, table.time, table.sigma, table.k)
+    assert times.planet.tolist() == ["b", "b"]
+    assert (times.sigma.value.tolist(), times.number.tolist()) == ([0.1, 0.2], [3, 4])
+    assert orbits.RadialVelocities("x", table.time, table.k, table.sigma).velocity.value.tolist() == [3.0, 4.0]
+
+
 def test_transits_are_counted_by_a_period_that_all_intervals_have():
     assert orbits.TransitTimes("b", 10.0 * np.array([0, 3, 6, 8, 11, 14]), 0.1).number.tolist() == [0, 3, 6, 8, 11, 14]
     with pytest.raises(InputError, match=r"intervals of the transits of 'b' are not whole numbers of one period"):
@@ -110,7 +120,7 @@ def test_what_is_half_given_is_refused(tmp_path):
     for what, given in (("time", (masked, 0.1)), ("sigma", ([1.0, 2.0], masked * 1.0))):
         with pytest.raises(InputError, match=rf"{what} has masked values"):
             orbits.TransitTimes("b", *given)
-    for wrong in ([0, 1.5], [0], [0, np.inf], "x"):
+    for wrong in ([0, 1.5], [0], [0, np.inf], [0, 1e20], "x"):
         with pytest.raises(InputError, match=r"number is .*; expected 2 whole numbers"):
             orbits.TransitTimes("b", [1.0, 2.0], 0.1, wrong)
     with pytest.raises(InputError, match=r"two transits of 'b' have the same time"):

@@ -195,6 +195,17 @@ def test_times_are_tdb_unless_they_say_otherwise_and_utc_is_shown_as_given(run):
     assert "2026-11-22 00:01:09.184" in str(tdb)
 
 
+@pytest.mark.parametrize("year", [-5000.0, 12000.0])
+def test_places_are_told_in_julian_years_outside_those_of_calendars(year):
+    """`ErfaError: unacceptable date`. From a Sun at the origin, potentials were infinite, and apparent places NaN."""
+    epoch = Time(year, format="jyear", scale="tdb")
+    system = orbits.System(["Sun", "p"], [1e-3, 0], [[0, 0, 0], [1.5, 0, 0]], [[0, 0, 0], [0, 0.02, 0]], epoch=epoch)
+    seen = orbits.propagate(system, duration=1.0, samples=2, progress=False).ephemeris("p", observer="ssb")
+    assert f"J{year:.6f}  " in str(seen)
+    assert seen.date.jyear[0] == year
+    np.testing.assert_allclose(seen.apparent_ra[1], seen.ra[1], rtol=1e-12)
+
+
 def test_tables_have_a_row_for_each_time_and_body_with_units(run):
     seen = run.ephemeris(["Mars", "Sun"], observer=PACHON)
     table, frame, data = seen.to_table(), seen.to_pandas(), seen.to_xarray()

@@ -65,6 +65,13 @@ def transits_by_ias15(bodies: orbits.System, planet: int, until: float) -> np.nd
     return np.array(found)
 
 
+def test_transits_of_any_year_can_be_printed() -> None:
+    """`ErfaError: unacceptable date`, before 4713 BC."""
+    early = system().replaced(epoch=Time(-5000.0, format="jyear", scale="tdb"))
+    found = orbits.propagate(early, duration=2.0, events=Transit("b", "star", observer=orbits.along()))
+    assert "-4999.99" in str(found.transits("b")["date"])
+
+
 def test_times_of_transits_of_three_planets_are_those_of_ias15(run):
     for number, name in enumerate(PLANETS, 1):
         expected = transits_by_ias15(run.system, number, 40.0)

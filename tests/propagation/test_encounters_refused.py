@@ -52,6 +52,15 @@ def test_an_ellipse_on_the_ground_is_the_same_in_all_units() -> None:
     assert known.ellipse()[0] < 1000 * u.km
 
 
+def test_a_planet_may_be_called_earth() -> None:
+    """"rock does not come down to 100 km above the Earth: in this run it is not near it"."""
+    other = falling().replaced(names=["sun", "earth", "moon", "rock"])
+    run = orbits.propagate(other, duration=2 * u.day, samples=2)
+    known, found = orbits.entry(fall(), covariance=C), orbits.entry(run, covariance=C)
+    assert (found.longitude, found.latitude, found.sigma_time) == (known.longitude, known.latitude, known.sigma_time)
+    assert orbits.target_plane(run, "Earth").radius == orbits.target_plane(fall(), "Earth").radius
+
+
 def test_a_run_that_ends_before_the_approach_has_none() -> None:
     early = orbits.propagate(falling(), duration=22 * u.h, samples=2)
     with pytest.raises(InputError, match="the run ends while rock still comes nearer to Earth"):

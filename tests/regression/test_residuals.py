@@ -57,6 +57,18 @@ def test_the_residuals_of_a_run_against_its_own_spk_file_are_the_error_of_the_fi
     assert all(km < bound for km in found.largest().values())
 
 
+@pytest.mark.parametrize("seconds", [0.0, 22_991.123, 25_991.1, 0.3])
+def test_a_run_has_all_dates_of_its_own_spk_file_at_any_epoch(run, tmp_path, seconds):
+    """A file counts seconds, and its ends as days are rounded to 20 microseconds."""
+    epoch = run.system.epoch + seconds * u.s
+    moved = orbits.propagate(run.system.replaced(epoch=epoch), duration=-29.7, samples=4, progress=False)
+    moved.to_spk(tmp_path / "own.bsp")
+    assert max(orbits.residuals(moved, tmp_path / "own.bsp").largest().values()) < 2.1e-3  # of two bodies, 1 m each
+    longer = orbits.propagate(moved.system, duration=-29.7 - 1e-9, samples=2, progress=False)  # by 86 microseconds
+    with pytest.raises(EpochError, match=r"outside own\.bsp"):
+        orbits.residuals(longer, tmp_path / "own.bsp")
+
+
 def test_the_last_segment_of_a_body_counts_and_other_axes_are_refused(run, tmp_path, monkeypatch):
     """As in SPICE. A segment in other axes, such as ECLIPJ2000 (17), would be turned by 23 degrees."""
     write, path = daf.write, tmp_path / "own.bsp"
@@ -130,6 +142,14 @@ def test_bodies_that_the_kernel_does_not_have_are_said(run, tmp_path):
         orbits.residuals(made, bodies=[])
     with pytest.raises(InputError, match="only the Sun, from which positions are compared"):
         orbits.residuals(made, bodies=["Sun"])
+
+
+def test_a_table_has_no_column_for_the_years_before_the_first_sample(run):
+    late = Residuals("a.bsp", "Gauss", np.array([5.0, 20.0]), {"Mars": np.ones((2, 3))})
+    assert "within 10 yr" in str(late)
+    assert "within 1 yr" not in str(late)
+    with pytest.raises(InputError, match=r"no samples within 1\.0 years of the epoch; the first is after 5"):
+        late.largest(within=1.0)
 
 
 def test_a_body_that_was_lost_has_null_in_json(run):

@@ -178,6 +178,14 @@ def test_more_bodies_than_one_record_of_summaries_holds(system, tmp_path):
     assert spiceypy.spkobj(str(written.path)).card == 60
 
 
+def test_a_moon_with_the_name_of_an_asteroid_does_not_get_its_number(tmp_path):
+    moons = {"Jupiter": {"gm": 2.825e-7}, "Europa": {"gm": 7.1e-12, "a": 4.49e-3}, "Io": {"a": 2.82e-3}}
+    run = orbits.propagate(orbits.System.from_elements(moons, epoch="2020-01-01"), duration=1, progress=False)
+    with pytest.raises(InputError, match=r"no NAIF number is known for Europa; .* ids=\{'Europa'"):
+        run.to_spk(tmp_path / "moons.bsp")
+    assert run.to_spk(tmp_path / "moons.bsp", ids={"Europa": 502}).ids == {"Jupiter": 5, "Europa": 502, "Io": 2000085}
+
+
 def test_numbers_of_bodies_are_naifs_or_ones_own(run, tmp_path):
     written = run.to_spk(tmp_path / "run.bsp", ids={"Zoë": 7, "Mercury": 199}, tolerance_km=100)
     assert written.ids == {"Sun": 10, "Mercury": 199, "Jupiter": 5, "Neptune": 8, "Ceres": 2000001, "Zoë": 7}

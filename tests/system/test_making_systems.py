@@ -123,6 +123,11 @@ def test_pericentre_passage_may_be_a_moment_or_a_time_since_the_epoch() -> None:
     moment = sun.add("x", a=1, e=0.5, T="2000-03-01")
     for T in (60 * u.day, 60, Time("2000-03-01", scale="tdb"), 1440 * u.hr):
         np.testing.assert_allclose(sun.add("x", a=1, e=0.5, T=T).values.q, moment.values.q, atol=4 * EPS)
+    dates = ["2000-03-01", "2000-04-01"]
+    for T in (dates, Time(dates, scale="tdb")):
+        both = sun.add(["x", "y"], a=1, e=0.5, T=T)
+        np.testing.assert_array_equal(both.values.q[1:2], moment.values.q[1:])
+        np.testing.assert_array_equal(both.values.q[2:], sun.add("y", a=1, e=0.5, T=dates[1]).values.q[1:])
     found = moment.elements().T[0]
     assert found.to_value(u.day) == pytest.approx(60.0, rel=8 * EPS)
 

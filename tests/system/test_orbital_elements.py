@@ -91,6 +91,7 @@ def test_all_samples_of_a_run_at_once_are_the_same_as_one_by_one() -> None:
                 np.testing.assert_allclose(getattr(together, key)[i].value, getattr(one, key).value, rtol=1e-13)
         assert together["Mars"].a.shape == (4,)
         assert together["Mars"].names == ("Mars",)
+        assert together["Mars"]["Mars"].a.shape == (4,)
 
 
 def test_one_body_is_chosen_by_name() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from astropy import constants
 from astropy import units as u
+from astropy.utils.masked import Masked
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -105,6 +106,9 @@ BAD_VALUES: list[tuple[str, Any, str]] = [
     ("length_value", 10**400, r"expected real numbers"),
     ("length_value", {"a": 1}, r"expected real numbers"),
     ("length_value", np.ma.array([1.0, 2.0], mask=[True, False]), r"x is a masked array"),
+    ("length_value", Masked([1.0, 2.0] * u.au, mask=[True, False]), r"x is .*masked values are undefined"),
+    ("length_value", [1 * u.au, Masked(2.0 * u.au, mask=True)], r"x is .*masked values are undefined"),
+    ("length_value", Masked(np.ones(2), mask=[True, False]), r"x is .*masked values are undefined"),
 ]
 
 
@@ -112,6 +116,10 @@ BAD_VALUES: list[tuple[str, Any, str]] = [
 def test_what_is_no_such_quantity_is_refused_by_name(method: str, value: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         getattr(SOLAR, method)(value, "x")
+
+
+def test_columns_of_tables_without_masked_values_are_arrays() -> None:
+    assert SOLAR.length_value(Masked([1.0, 2.0] * u.km)).tolist() == SOLAR.length_value([1.0, 2.0] * u.km).tolist()
 
 
 def test_a_unit_where_there_are_none_is_refused() -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from astropy import units as u
 
-from orbits.body_names import index_of
+from orbits.body_names import index_of, place_of
 from orbits.checks import finite_number, positive_number
 from orbits.elements.target_plane import OnPlane, on_target_plane
 from orbits.ephemeris import AU_KM
@@ -154,8 +154,8 @@ def entry(
     altitude : above the ellipsoid WGS84. There is no atmosphere in the motion
     Raises InputError for a body that does not come so low.
     """
-    run, given, body, _ = _subject(orbit, "Earth", covariance, body, until)
-    system = run.system
+    run, given, body, other = _subject(orbit, "Earth", covariance, body, until)
+    system, planet = run.system, run.names[other]
     try:
         low = finite_number(u.Quantity(altitude).to_value(u.km), "altitude")
     except (u.UnitConversionError, TypeError) as error:
@@ -169,23 +169,23 @@ def entry(
         fixed = np.einsum("mij,mj->mi", turning(dates(t)).matrix, q * scale)
         return height_and_vertical(fixed)[0] - low
 
-    time = _closest(run, body, "Earth")
+    time = _closest(run, body, planet)
     stays = f"{body} does not come down to {low:g} km above the Earth:"
     if time is None:
         raise InputError(f"{stays} in this run it is not near it.")
-    least, velocity, _ = _relative(run, body, "Earth", np.array([time]))
+    least, velocity, _ = _relative(run, body, planet, np.array([time]))
     if above(np.array([time]), least)[0] > 0.0:
         if not turns(run, time, least[0], velocity[0]):
-            raise InputError(_no_approach(run, body, "Earth", float(least[0] @ velocity[0])))
+            raise InputError(_no_approach(run, body, planet, float(least[0] @ velocity[0])))
         raise InputError(f"{stays} at its closest it is {np.linalg.norm(least) * scale:,.0f} km from its centre.")
-    time = _crossing(run, body, "Earth", time, above)
+    time = _crossing(run, body, planet, time, above)
     at = np.array([time])
-    q, v, _ = _relative(run, body, "Earth", at)
+    q, v, _ = _relative(run, body, planet, at)
     au, day = scale / AU_KM, u.Quantity(1.0, system.units.time).to_value(u.day)
     matrix = None
     if given is not None:
         each = np.repeat([au, au / day], 3)
-        matrix = spread(run, given, at, ["Earth"])[0] * np.outer(each, each)
+        matrix = spread(run, given, at, [planet])[0] * np.outer(each, each)
     return Entry.of(body, dates(at), low, q[0] * au, v[0] * au / day, matrix)
 
 
@@ -228,8 +228,9 @@ def _radius(run: Trajectory, body: str, planet: str, radius: Any) -> float:
             )
         return size
     own = 0.0 if system.radii is None else float(system.radii[system.names.index(planet)].to_value(unit))
-    if own == 0.0 and planet in RADII:
-        own = float(u.Quantity(RADII[planet], u.km).to_value(unit))
+    known = place_of(planet, tuple(RADII))
+    if own == 0.0 and known is not None:
+        own = float(u.Quantity([*RADII.values()][known], u.km).to_value(unit))
     if own == 0.0:
         raise InputError(f"the radius of {planet} is not known; expected radius=..., such as radius=470 * u.km.")
     return own
