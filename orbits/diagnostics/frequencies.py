@@ -111,13 +111,14 @@ def frequency_analysis(
     # In units of the spacing, and from the middle: there frequency and phase of a term are corrected independently.
     tau: Floats = np.arange(n, dtype=np.float64) - 0.5 * (n - 1)
     weight: Floats = (1.0 + np.cos(2.0 * np.pi * tau / n)) ** power
-    fit = _Fit(tau, weight / weight.sum(), z, _in_steps(band, spacing))
+    scale = 2.0 ** (np.frexp(np.abs(z).max())[1] - 1.0)  # squares of tiny and huge numbers are not lost
+    fit = _Fit(tau, weight / weight.sum(), z / scale, _in_steps(band, spacing))
     for _ in range(count):
         if not fit.add():
             break
     fit.turn()
     frequency = fit.frequency / spacing
-    amplitude = fit.amplitude * np.exp(-1j * frequency * middle)
+    amplitude = scale * fit.amplitude * np.exp(-1j * frequency * middle)
     order = np.argsort(-np.abs(amplitude))
     return Frequencies(
         frequency[order], amplitude[order], 2.0 * np.pi / (n * abs(spacing)), fit.left() / (fit.size or 1.0)

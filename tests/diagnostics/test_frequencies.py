@@ -163,3 +163,12 @@ def test_terms_are_printed_as_a_table_with_words_above_each_column():
     assert first.split() == ["0.5", "12.56637", "2", "0.3000"]
     assert [float(x) for x in second.split()] == pytest.approx([-1.25, 5.026548, 0.1, 0.0], abs=1e-7)
     assert "of the series is left; frequencies in radians per unit of time, resolution 0.00614" in last
+
+
+@each("scale", [2.0**-900, 2.0**900])
+def test_squares_of_tiny_and_huge_series_are_neither_lost_nor_infinite(scale):
+    t = np.arange(400) * 0.25
+    z = series(t, [0.5, -1.25], [2.0, 0.1])
+    plain, found = diagnostics.frequency_analysis(t, z, 2), diagnostics.frequency_analysis(t, scale * z, 2)
+    assert np.array_equal(found.frequency, plain.frequency)  # powers of two change no bit
+    assert np.array_equal(found.amplitude, scale * plain.amplitude)
