@@ -133,7 +133,7 @@ def run(
         with StopRequest() as stop:
             loop = _Loop(plan, kept, pending, stop, tell)
             team = _team(client, count, processes, folder, loop)
-            bar = Bar(progress, f"{len(plan.ensemble):,} members, {team.what}", len(plan.ensemble), loop.members)
+            bar = Bar(progress, f"{counted(len(plan.ensemble), 'member')}, {team.what}", len(plan.ensemble), loop.members)
             try:
                 team.warm(plan.task(0, plan.ensemble.sample(), stem="sample"))
                 loop.march(team, bar)
