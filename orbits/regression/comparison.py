@@ -291,9 +291,11 @@ def _peer(problem: Problem, peer: Peer, grid: TimeGrid, stages: Stages) -> Sampl
     how = f"{grid.whole_steps:,} steps" if peer.fixed_step else "steps of its own"
     halves = not peer.fixed_step and int(np.count_nonzero(problem.start.gm == 0)) >= _HALVED_FROM
 
+    many = f"{len(problem.names):,} bod{'y' if len(problem.names) == 1 else 'ies'}"
+
     def computed() -> Arrays:
         first = _first_step(problem.start, grid)
-        with stages.under_way(f"{peer.label}: {len(problem.names):,} bodies, {how}", grid.times) as reached:
+        with stages.under_way(f"{peer.label}: {many}, {how}", grid.times) as reached:
             run = peers.run(peer.name, problem.start, times=grid.times, dt=first, reached=reached, halves=halves)
         cost = {"steps": np.array(run.steps), "wall_s": np.array(run.wall_s)}
         notes = [_IN_HALVES] * halves + list(run.warnings)
