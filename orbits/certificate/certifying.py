@@ -159,7 +159,7 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
             yield _finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True)
 
     taken = f"; what {few(sorted(set(names)))} takes is left out but for the balances" if names else ""
-    return _certificate(bound, v, f"{_bodies(np.sum(massive))}{many}{taken}", unit, particles, more())
+    return _certificate(bound, v, f"{_bodies(int(np.sum(massive)))}{many}{taken}", unit, particles, more())
 
 
 def _bodies(count: int) -> str:

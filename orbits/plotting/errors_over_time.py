@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError, counted, shown
+from orbits.errors import InputError, shown
 from orbits.plotting import style, words
 from orbits.plotting.over_time import times_of, years
 from orbits.plotting.pictures import (
@@ -63,7 +63,8 @@ def plot_error(
     chosen = there(run, bodies)
     later = np.flatnonzero(run.times != 0.0)
     if len(later) < 2:
-        raise InputError(f"{run!r} has {counted(len(later), 'sample')} after its start; expected at least 2 to show a growth.")
+        count = f"{len(later)} sample{'s' * (not len(later))}"
+        raise InputError(f"{run!r} has {count} after its start; expected at least 2 to show a growth.")
     later = later[np.argsort(np.abs(run.times[later]), kind="stable")]  # samples may be in any order
     positions, whose = _positions(run, reference)
     series = _conserved(run)

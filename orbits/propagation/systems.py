@@ -359,7 +359,8 @@ def _error(failures: dict[int, BaseException], done: list[Trajectory | None]) ->
     if interrupted:
         message = f"{whole} of {len(done)} systems are complete; the others:"
         return Interrupted(_listed(message, failures), trajectory=done)
-    message = f"{len(others)} of {counted(len(done), 'system')} failed; the others are complete, and all are in .trajectories:"
+    many = counted(len(done), "system")
+    message = f"{len(others)} of {many} failed; the others are complete, and all are in .trajectories:"
     return SystemsError(_listed(message, others), failures=others, trajectories=done)
 
 

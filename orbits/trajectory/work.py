@@ -40,7 +40,8 @@ class ForceEffect:
 
     def __repr__(self) -> str:
         last = f"{self.work[-1]:.6g}" if len(self.work) else "nothing yet"
-        return f"{type(self.force).__name__} {self.force.whom}: work {last} at the last of {counted(len(self.work), 'sample')}"
+        count = counted(len(self.work), "sample")
+        return f"{type(self.force).__name__} {self.force.whom}: work {last} at the last of {count}"
 
 
 def accounts_of(run: Trajectory) -> Array:

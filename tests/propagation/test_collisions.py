@@ -477,7 +477,7 @@ def test_bodies_that_meet_before_their_pericentre_need_no_steps_that_resolve_it(
     """A head-on fall, and one with a pericentre at 0.005: neither is reached."""
     for sideways in (0.0, 0.1):
         system = pair()
-        system = system.replaced(v=system.v.value + [[0, 0, 0], [0, sideways, 0]])
+        system = system.replaced(v=system.v.value + np.array([[0, 0, 0], [0, sideways, 0]]))
         run = orbits.propagate(system, dt=0.01, duration=2.6, events=Collision(then=then), check_step="refuse")
         assert len(run.events) == 1
 

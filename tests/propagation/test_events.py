@@ -261,7 +261,8 @@ def test_elements_cross_a_value_where_the_states_say_so():
 
 
 def test_negative_apocentre_distances_of_hyperbolas_rise_and_fall_as_those_of_ellipses_do():
-    bodies = {"star": {"gm": 1.0}, "comet": {"q": 1.0, "e": 1.5, "inc": 0.4, "f": -2.0}, "planet": {"a": 1.6, "gm": 0.05}}
+    comet, planet = {"q": 1.0, "e": 1.5, "inc": 0.4, "f": -2.0}, {"a": 1.6, "gm": 0.05}
+    bodies = {"star": {"gm": 1.0}, "comet": comet, "planet": planet}
     system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
     series = orbits.propagate(system, duration=20.0, samples=201).elements("star")
     Q = (series.a * (1 + series.e))[:, 0].value
