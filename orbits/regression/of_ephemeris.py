@@ -60,9 +60,11 @@ class Residuals:
         return {name: np.asarray(np.linalg.norm(x, axis=1)) for name, x in self.km.items()}
 
     def largest(self, within: float | None = None) -> dict[str, float]:
-        """Return the largest length by body, km, of all samples or of those within some years since the epoch."""
+        """Return the largest length by body, km, of all samples or of those within some years since the epoch; NaN if
+        there are none.
+        """
         some = np.abs(self.years) <= (np.inf if within is None else within)
-        return {name: float(x[some].max()) for name, x in self.distances.items()}
+        return {name: float(x[some].max()) if some.any() else np.nan for name, x in self.distances.items()}
 
     def last_tenth(self) -> dict[str, float]:
         """Return the largest length by body, km, in the last tenth of the time."""
@@ -72,7 +74,7 @@ class Residuals:
     @property
     def _columns(self) -> list[tuple[str, dict[str, float]]]:
         span = float(np.abs(self.years).max())
-        marks = [y for y in (1.0, 10.0, 100.0) if y < 0.99 * span]
+        marks = [y for y in (1.0, 10.0, 100.0) if np.abs(self.years).min() <= y < 0.99 * span]
         within = [(f"within {y:g} yr", self.largest(y)) for y in marks]
         return [*within, (f"within {span:.4g} yr", self.largest()), ("in the last tenth", self.last_tenth())]
 

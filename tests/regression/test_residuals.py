@@ -222,3 +222,12 @@ def test_the_command_line_refuses_dates_that_no_kernel_has_before_the_run(tmp_pa
     done = CliRunner().invoke(app, [*typed, "--out", str(tmp_path)])
     assert done.exit_code == 2
     assert not list(tmp_path.glob("*.json"))
+
+
+def test_times_before_the_first_sample_have_no_column_and_no_residuals():
+    """Printing ended in a ValueError of NumPy."""
+    km = {"Jupiter": np.array([[3.0, 4.0, 0.0], [0.0, 0.0, 7.0]])}
+    late = Residuals("DE440", "gauss", np.array([15.0, 20.0]), km)
+    assert str(late).splitlines()[1].split() == "body within 20 yr in the last tenth".split()
+    assert late.largest() == {"Jupiter": 7.0}
+    assert np.isnan(late.largest(within=1.0)["Jupiter"])
