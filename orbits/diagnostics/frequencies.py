@@ -163,6 +163,8 @@ class _Fit:
         spectrum = np.abs(np.fft.fft(self.weight * self.residual, length))
         grid = 2.0 * np.pi * np.fft.fftfreq(length)
         allowed = (grid >= self.band[0]) & (grid <= self.band[1])
+        if not allowed.any():  # a band between two places of the grid has room for one term
+            return None if len(self.frequency) else 0.5 * (self.band[0] + self.band[1])
         for other in self.frequency:
             allowed &= np.abs(_turned(grid - other)) > APART * 2.0 * np.pi / n
         if not allowed.any():
