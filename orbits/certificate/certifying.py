@@ -159,7 +159,11 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
             yield _finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True)
 
     taken = f"; what {few(sorted(set(names)))} takes is left out but for the balances" if names else ""
-    return _certificate(bound, v, f"{int(np.sum(massive))} bodies{many}{taken}", unit, particles, more())
+    return _certificate(bound, v, f"{_bodies(int(np.sum(massive)))}{many}{taken}", unit, particles, more())
+
+
+def _bodies(count: int) -> str:
+    return f"{count} bod{'y' if count == 1 else 'ies'}"
 
 
 def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTransformed) -> Certificate:
@@ -188,7 +192,7 @@ def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTran
     problem = Problem(transformed, integrator, clock.step, q, newton.momentum(q, v), 0.0)
     more = [_finding("steps of bodies", steps_in_transformed_time(problem, marcher), None, needed=True)]
     speeds = transformed.velocity(q, problem.p)
-    return _certificate(problem, speeds, f"{len(values.gm)} bodies", "in transformed time", [], more)
+    return _certificate(problem, speeds, _bodies(len(values.gm)), "in transformed time", [], more)
 
 
 def _certificate(

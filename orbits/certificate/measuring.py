@@ -37,6 +37,9 @@ STEPS = 200
 LOOP = 0.01
 """The size of the loop of initial conditions, relative to the largest coordinates of the march."""
 
+GROWN = 1e6
+"""The factor by which coordinates grow in a march whose steps are too long to be stable."""
+
 DEL_POINTS = 12
 """Number of points of the march at which the equations of L_d are checked."""
 
@@ -256,20 +259,22 @@ class Problem:
         """The relative change of the area of a loop of initial conditions under the method.
 
         The motion shears the loop; if its points no longer resolve it, or some of them cannot be marched, the march is
-        repeated over a shorter time, and at last of a smaller loop.
+        repeated over a shorter time, and at last of a smaller loop. In steps so long that the motion grows without
+        bound, the loop is about the size of its first states.
         """
+        seen = len(self.path) if np.max(np.abs(self.path.q)) < GROWN * np.max(np.abs(self.path.q[:4])) else 4
         for steps in (STEPS // 4, STEPS // 16, 2):
             with contextlib.suppress(IntegrationError):
-                measured = self._area(steps, LOOP)
+                measured = self._area(steps, LOOP, seen)
                 if measured.bound < 1e-9:
                     return measured
-        return self._area(2, 0.1 * LOOP)
+        return self._area(2, 0.1 * LOOP, seen)
 
-    def _area(self, steps: int, part: float) -> Measured:
+    def _area(self, steps: int, part: float, seen: int) -> Measured:
         rng = np.random.default_rng(7)
         u = rng.normal(size=len(self.q))
         u /= np.sqrt(u @ u)
-        q, v, p = (np.max(np.abs(x), axis=0) for x in (self.path.q, self.path.v, self.path.p))
+        q, v, p = (np.max(np.abs(x[:seen]), axis=0) for x in (self.path.q, self.path.v, self.path.p))
         # A coordinate at rest gets a thousandth of the largest, a momentum that of its own mass at the largest speed.
         least = 1e-3 * np.max(v) * self.weights**2
         dq, dp = part * np.maximum(q, 1e-3 * np.max(q)) * u, part * np.maximum(p, least) * u

@@ -160,7 +160,7 @@ def order(
     whole_number(first * 2 ** min(octaves, 64), "steps * 2^halvings", most=MOST_STEPS)
     fine = 4 * first
     truth = march(bodies, Gauss(stages=8), span / fine, [fine])[0][-1]
-    size = float(np.max(np.linalg.norm(truth, axis=1)))
+    size = float(np.max(np.linalg.norm(truth, axis=1))) or 1.0  # a body at rest at the origin
     lengths, errors = [], []
     for n in sorted({round(first * 2 ** (k / 4)) for k in range(4 * octaves + 1)}):
         try:

@@ -111,13 +111,14 @@ def frequency_analysis(
     # In units of the spacing, and from the middle: there frequency and phase of a term are corrected independently.
     tau: Floats = np.arange(n, dtype=np.float64) - 0.5 * (n - 1)
     weight: Floats = (1.0 + np.cos(2.0 * np.pi * tau / n)) ** power
-    fit = _Fit(tau, weight / weight.sum(), z, _in_steps(band, spacing))
+    scale = 2.0 ** (np.frexp(np.abs(z).max())[1] - 1.0)  # squares of tiny and huge numbers are not lost
+    fit = _Fit(tau, weight / weight.sum(), z / scale, _in_steps(band, spacing))
     for _ in range(count):
         if not fit.add():
             break
     fit.turn()
     frequency = fit.frequency / spacing
-    amplitude = fit.amplitude * np.exp(-1j * frequency * middle)
+    amplitude = scale * fit.amplitude * np.exp(-1j * frequency * middle)
     order = np.argsort(-np.abs(amplitude))
     return Frequencies(
         frequency[order], amplitude[order], 2.0 * np.pi / (n * abs(spacing)), fit.left() / (fit.size or 1.0)
@@ -162,6 +163,8 @@ class _Fit:
         spectrum = np.abs(np.fft.fft(self.weight * self.residual, length))
         grid = 2.0 * np.pi * np.fft.fftfreq(length)
         allowed = (grid >= self.band[0]) & (grid <= self.band[1])
+        if not allowed.any():  # a band between two places of the grid has room for one term
+            return None if len(self.frequency) else 0.5 * (self.band[0] + self.band[1])
         for other in self.frequency:
             allowed &= np.abs(_turned(grid - other)) > APART * 2.0 * np.pi / n
         if not allowed.any():

@@ -57,7 +57,7 @@ class Growth:
 
     exponent, uncertainty : slope of log(rms) against log(t), and its standard error over the ensemble
     bias : mean error at the last time, in standard errors of this mean; of order one for a random walk
-    t : (k,) times; rms : (k,) root mean square over the starts
+    t : (k,) times, increasing; rms : (k,) root mean square over the starts
     """
 
     exponent: float
@@ -78,8 +78,8 @@ def growth(t: ArrayLike, errors: ArrayLike) -> Growth:
     errors : (starts, k), signed
     The errors of one start at different times are correlated, so the uncertainty comes from leaving out one start at a
     time (the jackknife), not from the fit.
-    Raises InputError for fewer than 8 starts or 4 times, shapes that do not fit, values that are not finite, and a time
-    at which no start has an error.
+    Raises InputError for fewer than 8 starts or 4 times, shapes that do not fit, values that are not finite, times that
+    are all the same, and one at which no start has an error.
     """
     x, e = real_numbers(t, "t"), real_numbers(errors, "errors")
     if x.ndim != 1 or e.ndim != 2 or e.shape[1] != len(x):
@@ -88,6 +88,10 @@ def growth(t: ArrayLike, errors: ArrayLike) -> Growth:
         raise InputError(f"got {len(e)} starts and {len(x)} times; expected at least {LEAST_STARTS} and {LEAST_TIMES}.")
     if not (np.isfinite(x).all() and (x > 0.0).all() and np.isfinite(e).all()):
         raise InputError("times must be positive and errors finite; leave out t = 0.")
+    by_t = np.argsort(x)
+    x, e = x[by_t], e[:, by_t]
+    if x[0] == x[-1]:
+        raise InputError(f"all times are {x[0]:g}; expected different ones, best in a geometric sequence.")
     squares = np.sum(e * e, axis=0)
     if not (squares > 0.0).all():
         raise InputError(f"no start has any error at t = {x[squares == 0.0][0]:g}; begin later.")

@@ -41,7 +41,7 @@ class Progress:
 
     blocks, done, failed : numbers of blocks: all, those that are done, and those of which nothing could be integrated
     members, members_done : all members, and those of blocks that are done
-    survivors : members that were integrated to the end, or to where an event or a condition stopped them
+    survivors : members that were integrated to the end
     seconds : of work of all workers so far
     members_failed : members that could not be integrated, of failed blocks and of blocks that are done
     """
@@ -152,7 +152,8 @@ class Campaign:
         """An astropy QTable with a row for each member, and these columns.
 
         name, block, and for grids the parameters
-        state : "survived", "lost" (a particle that was retired), "failed", or "waiting" for its block
+        state : "survived", "stopped" (an event or a condition ended its block or system), "lost" (a particle that was
+            retired), "failed", or "waiting" for its block
         end : the time that it reached since the epoch;  reason : why not the end
         a_min, a_max, e_min, e_max, inc_min, inc_max : over the samples, about the most massive body; of systems
             (members, bodies), in the order of meta["bodies"], those of the first member, and then of bodies of other

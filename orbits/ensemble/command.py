@@ -16,7 +16,7 @@ from orbits.ensemble.members import Ensemble, particles, systems
 from orbits.ensemble.plan import Plan
 from orbits.ensemble.running import run
 from orbits.ensemble.store import ABOUT as ABOUT
-from orbits.ensemble.summaries import LOST, SURVIVED
+from orbits.ensemble.summaries import LOST, STOPPED, SURVIVED
 from orbits.errors import OrbitsWarning
 from orbits.integrators.base import Integrator
 from orbits.json_text import json_text
@@ -90,7 +90,8 @@ def _print(campaign: Campaign, as_json: bool) -> None:
         return
     table = campaign.summary
     print(f"{found['made_by']}\n{campaign.progress}")
-    told = {SURVIVED: "to the end", LOST: "lost on the way", WAITING: "of blocks that are not done yet"}
+    told = {SURVIVED: "to the end", STOPPED: "stopped by an event or a condition", LOST: "lost on the way"}
+    told[WAITING] = "of blocks that are not done yet"
     for state, count in found["members"].items():
         print(f"  {count:>10,}  {told.get(state, 'could not be integrated')}")
     for reason, count in list(found["reasons"].items())[:REASONS]:

@@ -133,7 +133,8 @@ def run(
         with StopRequest() as stop:
             loop = _Loop(plan, kept, pending, stop, tell)
             team = _team(client, count, processes, folder, loop)
-            bar = Bar(progress, f"{len(plan.ensemble):,} members, {team.what}", len(plan.ensemble), loop.members)
+            members = len(plan.ensemble)
+            bar = Bar(progress, f"{counted(members, 'member')}, {team.what}", members, loop.members)
             try:
                 team.warm(plan.task(0, plan.ensemble.sample(), stem="sample"))
                 loop.march(team, bar)

@@ -52,6 +52,7 @@ class Entry:
     files: Mapping[str, tuple[int, str]] = field(default_factory=dict)
     bits: str = ""
     survivors: int = 0
+    stopped: int = 0
     seconds: float = 0.0
     marching: float = 0.0
     worker: str = ""
@@ -162,10 +163,10 @@ class Store:
 
     def failures(self, entry: Entry) -> int:
         """Return how many members of a block could not be integrated: all of a failed one; and of systems, none of
-        which is lost on the way, those that did not survive.
+        which is lost on the way, those that neither survived nor were stopped.
         """
         apart = entry.state == FAILED or self.about["kind"] != "particles"
-        return (entry.last - entry.first - entry.survivors) * apart
+        return (entry.last - entry.first - entry.survivors - entry.stopped) * apart
 
     def damaged(self, entry: Entry) -> str:
         """Return what is wrong with the files of a block that is done, or ""."""
@@ -211,7 +212,7 @@ class Store:
             files[f"{stem}.npz"] = len(table), hashlib.sha256(table).hexdigest()
         entry = Entry(
             block=outcome.number, first=first, last=last, state=outcome.state, reason=outcome.reason, files=files,
-            bits=outcome.bits, survivors=outcome.survivors, seconds=round(outcome.seconds, 4),
+            bits=outcome.bits, survivors=outcome.survivors, stopped=outcome.stopped, seconds=round(outcome.seconds, 4),
             marching=round(outcome.marching, 4), worker=outcome.worker, attempts=attempts,
             warnings=tuple(outcome.warnings),
         )  # fmt: skip

@@ -17,8 +17,10 @@ from orbits.trajectory import Trajectory
 Array = NDArray[Any]
 Columns = dict[str, Array]
 
-SURVIVED, LOST, FAILED = "survived", "lost", "failed"
-"""What became of a member: it was integrated to the end; it was lost on the way; it could not be integrated."""
+SURVIVED, STOPPED, LOST, FAILED = "survived", "stopped", "lost", "failed"
+"""What became of a member: it was integrated to the end; an event or a condition stopped it, or its block; it was lost
+on the way; it could not be integrated.
+"""
 
 AT_ONCE = 1 << 22
 """The most numbers of positions from which elements are computed at once."""
@@ -31,7 +33,7 @@ def of_particles(run: Trajectory, first: int) -> Columns:
     system, members = run.system, slice(first, None)
     count = len(system) - first
     out: Columns = {
-        "state": np.full(count, SURVIVED, dtype=f"U{len(SURVIVED)}"),
+        "state": np.full(count, SURVIVED if run.stopped is None else STOPPED, dtype=f"U{len(SURVIVED)}"),
         "end": np.full(count, run._reached),
         "reason": np.full(count, "" if run.stopped is None else run.stopped.reason),
     }
@@ -60,7 +62,9 @@ def of_systems(
     for k, run in enumerate(runs):
         row: dict[str, Any] = {"state": SURVIVED, "end": np.nan, "reason": ""}
         if isinstance(run, Trajectory):
-            row["end"], row["reason"] = run._reached, "" if run.stopped is None else run.stopped.reason
+            row["end"] = run._reached
+            if run.stopped is not None:
+                row["state"], row["reason"] = STOPPED, run.stopped.reason
             row |= _by_name(_extremes(run), run.names, bodies) | _energy(run) | _closest_pair(run)
         if k in reasons:
             row["state"], row["reason"] = FAILED, reasons[k]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from orbits.ensemble.members import Ensemble
-from orbits.ensemble.summaries import LOST, SURVIVED, Columns, of_particles, of_systems, units_of_table
+from orbits.ensemble.summaries import LOST, STOPPED, SURVIVED, Columns, of_particles, of_systems, units_of_table
 from orbits.errors import InputError, IntegrationError, Interrupted, OrbitsError, RetiredWarning, StorageError
 from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
@@ -97,6 +97,7 @@ class Outcome:
     marching: float = 0.0
     worker: str = ""
     survivors: int = 0
+    stopped: int = 0
 
 
 class Reached:
@@ -238,8 +239,8 @@ def _worked(
     finally:
         for run in runs.values():
             run.close()
-    survivors = int((columns["state"] == SURVIVED).sum())
-    return Outcome(task.number, DONE, columns=columns, bits=bits, survivors=survivors, marching=marched)
+    survivors, stopped = (int((columns["state"] == word).sum()) for word in (SURVIVED, STOPPED))
+    return Outcome(task.number, DONE, "", columns, bits, survivors=survivors, stopped=stopped, marching=marched)
 
 
 def _marched(

@@ -103,6 +103,7 @@ class Lagrangian:
     rotors : the rigid bodies among the coordinates, in their order; see `orbits.lagrangians.rigid_bodies`
     constraints : the functions g(q) that are 0 along motions, for users; empty for most Lagrangians
     check_parameters : raises InputError for values of the parameters, by name, that the formula is not for
+    signs : (d,) those of the coordinates that L is for, 1 or -1, and 0 for both; empty for both of all
 
     Vectors of coordinates have shape (d,). For bodies in space, (n, 3) is accepted for (3n,). Numbers are in
     units of your choice. Raises InputError for invalid names, parameters, examples or symmetries.
@@ -121,6 +122,7 @@ class Lagrangian:
     rotors: tuple[Rotor, ...] = field(default=(), repr=False)
     constraints: tuple[str, ...] = ()
     check_parameters: Callable[[Mapping[str, float]], None] | None = field(default=None, repr=False)
+    signs: tuple[int, ...] = field(default=(), repr=False)
 
     if TYPE_CHECKING:  # set by the package `orbits.lagrangians`
         from_sympy: ClassVar[Callable[..., Lagrangian]]
@@ -204,10 +206,8 @@ class Lagrangian:
         """Return L(q, v, t). Raises SingularityError if it is not finite."""
         from orbits.lagrangians.evaluation import value
 
-        self._require_derivatives()
-
-        x, w = self.vector(q, "q"), self.vector(v, "v")
-        result = float(value(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w)))
+        x, w, t = self._at(q, v, t)
+        result = float(value(self.tag, self.parameter_vector, t, self._in(x), self._in(w)))
         self._finite(result, x, w, t)
         return result
 
@@ -215,10 +215,8 @@ class Lagrangian:
         """Return (dL/dq, dL/dv), each (d,). Raises SingularityError if they are not finite."""
         from orbits.lagrangians.evaluation import gradients
 
-        self._require_derivatives()
-
-        x, w = self.vector(q, "q"), self.vector(v, "v")
-        f, p = gradients(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w))
+        x, w, t = self._at(q, v, t)
+        f, p = gradients(self.tag, self.parameter_vector, t, self._in(x), self._in(w))
         self._finite(float(np.sum(f) + np.sum(p)), x, w, t)
         return self._out(f), self._out(p)
 
@@ -229,11 +227,9 @@ class Lagrangian:
         """
         from orbits.lagrangians.evaluation import hessians
 
-        self._require_derivatives()
-
-        x, w = self.vector(q, "q"), self.vector(v, "v")
+        x, w, t = self._at(q, v, t)
         d = self.dimension
-        out = hessians(self.tag, self.parameter_vector, float(t), self._in(x), self._in(w))
+        out = hessians(self.tag, self.parameter_vector, t, self._in(x), self._in(w))
         self._finite(float(np.sum(out)), x, w, t)
         blocks = out.reshape(3, d, d)
         if self.order is not None:
@@ -339,12 +335,27 @@ class Lagrangian:
     _in = kernel_order
     _out = caller_order
 
-    def _require_derivatives(self) -> None:
+    def require_signs(self, q: Array) -> None:
+        """Raise InputError for states (..., d) of coordinates whose signs are not those of which L was made."""
+        wrong = np.argwhere(np.atleast_2d(q) * (self.signs or 0) < 0.0)
+        if len(wrong):
+            row, k = wrong[0]
+            sign = ">= 0" if self.signs[k] > 0 else "<= 0"
+            raise InputError(
+                f"'{self.name}': {self.coordinates[k]} was declared to SymPy {sign}, and "
+                f"L is simplified accordingly; it is {np.atleast_2d(q)[row, k]:.6g}. Declare the symbol with real=True."
+            )
+
+    def _at(self, q: ArrayLike, v: ArrayLike, t: float) -> tuple[Array, Array, float]:
+        """Return a state at which L is to be evaluated, checked."""
         if GRADIENTS not in self.traits:
             raise InputError(
                 f"'{self.name}' has accelerations only: L and its derivatives are not known. Give value, gradients and "
                 "hessians to Lagrangian.from_kernels as well."
             )
+        x = self.vector(q, "q")
+        self.require_signs(x)
+        return x, self.vector(v, "v"), finite_number(t, "t")
 
     def _finite(self, probe: float, q: Array, v: Array, t: float) -> None:
         if not np.isfinite(probe):

@@ -145,6 +145,7 @@ def _made(
         made,
         formula=f"g (L(q, q' / g) + E0) + (t' - g)^2 / 2, L = {lagrangian.formula}, g = {g}",
         check_parameters=checked,
+        signs=(*lagrangian.signs, 0) if lagrangian.signs else (),
     )
 
 

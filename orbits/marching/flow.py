@@ -172,6 +172,7 @@ class Flow:
         path = self._path(out_q, out_p, every, evaluations)
         if status != OK:
             self._fail(status, done, x, y, path, every)
+        self.lagrangian.require_signs(path.q)
         return path
 
     def _record(self, q: Array, p: Array, every: int, out_q: Array, out_p: Array) -> tuple[int, int, int]:

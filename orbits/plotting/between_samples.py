@@ -43,7 +43,7 @@ def nodes(orbit: Orbit, times: Array, k: NDArray[np.intp]) -> Array:
     end, _ = _anomaly(orbit, k + 1)
     bound = (orbit.binding[k] > 0.0) & (orbit.binding[k + 1] > 0.0)
     mean_motion = np.abs(orbit.binding[k]) ** 1.5 / orbit.gm
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         turns = np.where(bound, np.round((mean_motion * step - (end - start)) / (2 * np.pi)), 0.0)
         sweep = end + 2 * np.pi * turns - start
         finest = np.radians(0.5) * np.sqrt(np.clip(np.abs(1.0 - e * e), 0.02, 1.0))
@@ -54,7 +54,7 @@ def nodes(orbit: Orbit, times: Array, k: NDArray[np.intp]) -> Array:
         e = e[:, None]
         mean = np.where(bound[:, None], anomaly - e * np.sin(anomaly), e * np.sinh(anomaly) - anomaly)
         done = (mean - mean[:, :1]) / (mean[:, -1:] - mean[:, :1])
-    spread = np.isfinite(done).all(axis=1) & (np.diff(done, axis=1) >= 0.0).all(axis=1)
+        spread = np.isfinite(done).all(axis=1) & (np.diff(done, axis=1) >= 0.0).all(axis=1)
     return np.asarray(np.where(spread[:, None], done, even) * step[:, None])
 
 

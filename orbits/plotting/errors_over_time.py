@@ -63,7 +63,8 @@ def plot_error(
     chosen = there(run, bodies)
     later = np.flatnonzero(run.times != 0.0)
     if len(later) < 2:
-        raise InputError(f"{run!r} has {len(later)} samples after its start; expected at least 2 to show a growth.")
+        count = f"{len(later)} sample{'s' * (not len(later))}"
+        raise InputError(f"{run!r} has {count} after its start; expected at least 2 to show a growth.")
     later = later[np.argsort(np.abs(run.times[later]), kind="stable")]  # samples may be in any order
     positions, whose = _positions(run, reference)
     series = _conserved(run)

@@ -315,7 +315,8 @@ def looks_of(system: State, chosen: list[int]) -> tuple[Looks, list[int]]:
 
 def counted(system: State, cloud: list[int]) -> str:
     """Return the number of the bodies of a cloud in words."""
-    return f"{len(cloud):,} {'lighter' if system.massive[cloud].any() else 'massless'} bodies"
+    kind = "lighter" if system.massive[cloud].any() else "massless"
+    return f"{len(cloud):,} {kind} bod{'y' if len(cloud) == 1 else 'ies'}"
 
 
 def _inner(system: State, points: Array, looks: Looks, cloud: list[int]) -> set[int]:

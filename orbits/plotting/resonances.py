@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -212,13 +213,19 @@ def _near(run: Run, known: Histories, p: int, q: int) -> NDArray[np.bool_]:
 
     Raises InputError if none is near, and if the samples follow the angle of none.
     """
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of bodies that are never there
         means = np.nanmedian(np.abs(known["n"]), axis=0)
         slow = np.abs(p * means[0] - q * means[1:])
     if len(run) < 3:
         raise InputError(f"{len(run)} samples show no angle that changes; expected at least 3.")
     ratio = means[1:] / means[0]
     near = np.abs(ratio * q / p - 1.0) < FAR
+    if np.isnan(ratio).all():
+        raise InputError(
+            f"in these samples no body goes round beside {run.names[known.bodies[0]]}; choose another planet=..., or "
+            "earlier samples."
+        )
     if not near.any():
         closest = int(np.nanargmin(np.abs(ratio * q / p - 1.0)))
         raise InputError(

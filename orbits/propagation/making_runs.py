@@ -85,7 +85,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
     marcher = march_of_run(system, integrator, grid.clock, how.threads, seeking, conditions, how.approaches)
     if grid.clock.changes:
         check_length(system, grid)
-    check_before_start(system, integrator, grid, how.check_step)
+    check_before_start(system, integrator, grid, how.check_step, seeking.touching.values())
     watch = RunEnds(system, marcher, conditions, how.callback, bool(how.check_step), seeking, deadline=how.wall_time)
     accounts = no_accounts(len(grid), len(system.forces), most_inner(system))
     check_what_is_kept(system, integrator, seeking, dense=dense)

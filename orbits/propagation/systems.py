@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from orbits.checks import listed, whole_number
-from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, shown
+from orbits.errors import ArchiveError, InputError, Interrupted, OrbitsError, SystemsError, counted, shown
 from orbits.finding import SHOWN, Finding, kind_of
 from orbits.marching.legs.leg import available_threads
 from orbits.marching.stepping.pool import Pool
@@ -212,7 +212,7 @@ class _Bars:
 
     def __init__(self, runs: Sequence[Run], progress: bool | None) -> None:
         one, self._count = runs[0], len(runs)
-        label = f"{one.integrator.label}, {self._count} systems"
+        label = f"{one.integrator.label}, {counted(self._count, 'system')}"
         self.bars = [_Reached(run.marcher.time, run.marcher.step) for run in runs]
         unit, end = one.system.units.time, one.grid.end
         wanted = progress if one.heartbeat is None else False
@@ -237,7 +237,7 @@ class _Bars:
 
     def _told(self) -> list[str]:
         done = sum(bar.ended for bar in self.bars)
-        return [f"{done:,} of {self._count:,} systems done"]
+        return [f"{done:,} of {counted(self._count, 'system')} done"]
 
 
 class _Reached:
@@ -359,7 +359,8 @@ def _error(failures: dict[int, BaseException], done: list[Trajectory | None]) ->
     if interrupted:
         message = f"{whole} of {len(done)} systems are complete; the others:"
         return Interrupted(_listed(message, failures), trajectory=done)
-    message = f"{len(others)} of {len(done)} systems failed; the others are complete, and all are in .trajectories:"
+    many = counted(len(done), "system")
+    message = f"{len(others)} of {many} failed; the others are complete, and all are in .trajectories:"
     return SystemsError(_listed(message, others), failures=others, trajectories=done)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 
 from orbits.errors import InputError, StorageError
@@ -43,6 +44,15 @@ def write_text(path: Path, text: str) -> Path:
     except OSError as error:
         raise StorageError(f"{path} could not be written ({error.strerror}).") from error
     return path
+
+
+def remove_pictures(report: Path) -> None:
+    """Remove the pictures of an earlier run beside its report, which lists them: some are not drawn again."""
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        listed = json.loads(report.read_text(encoding="utf-8"))["files"]
+        for path in (report.parent / Path(name).name for name in listed):
+            if path.suffix == ".png" and _is_ours(path):
+                path.unlink()
 
 
 def _is_ours(path: Path) -> bool:

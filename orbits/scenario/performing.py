@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, overload
 from orbits.errors import InputError, OrbitsError, counted, shown, with_unit
 from orbits.json_text import json_text, plain
 from orbits.scenario.definition import CaseOutcome, Check, Outcome, Scenario, slug
-from orbits.scenario.files import replaceable, results_folder, write_text
+from orbits.scenario.files import remove_pictures, replaceable, results_folder, write_text
 from orbits.scenario.loading import located
 from orbits.scenario.parts import Parts, identity
 from orbits.scenario.runs import Pace, Runs, Telling
@@ -101,6 +101,7 @@ def _perform(scenario: Scenario, folder: Path, plot: bool, pace: Pace, say: Tell
     runs = Runs(scenario, systems, grids, folder)
     if report.exists() and not runs.stopped:  # what is there is finished
         runs.begin_anew()
+    remove_pictures(report)
     report.unlink(missing_ok=True)
     parts = {name: _parts(scenario, name, systems[name], grids[name], folder, say) for name in systems}
     say(_plan(scenario, systems, grids, plot))
@@ -222,6 +223,7 @@ def _perform_study(study: Study, folder: Path, plot: bool, say: Say) -> StudyOut
         raise InputError(f"study {study.name!r}: its experiment must return a StudyResult, got {shown(result)}.")
     files: list[Path] = []
     complaints: list[str] = []
+    remove_pictures(report)
     if plot and result.figures:
         from orbits.plotting import look
 

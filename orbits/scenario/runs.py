@@ -107,7 +107,8 @@ class Runs:
         runs: dict[str, Trajectory] = {}
         for method in self._scenario.integrators:
             key = name, method.label
-            task = f"{name + ', ' if name else ''}{method.label}: {len(self.systems[name]):,} bodies"
+            count = len(self.systems[name])
+            task = f"{name + ', ' if name else ''}{method.label}: {count:,} bod{'y' if count == 1 else 'ies'}"
             kept = self.kept[key]
             steps = _steps(self.grids[name], self.systems[name])
             say(f"{task}, {_TOLD[kept]} {self.archives[key]}" if kept else f"{task}, {steps}")

@@ -9,6 +9,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
+from orbits.errors import counted
 from orbits.system.presenting import span
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class BodyTrajectory:
     v: u.Quantity
 
     def __repr__(self) -> str:
-        return f"BodyTrajectory({self.name}, {len(self.t)} samples, {span(self.t)})"
+        return f"BodyTrajectory({self.name}, {counted(len(self.t), 'sample')}, {span(self.t)})"
 
 
 def as_array(samples: Samples) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits import rotations
 from orbits.body_names import few, index_of, orbited
 from orbits.checks import is_one_of
-from orbits.errors import InputError, shown
+from orbits.errors import InputError, counted, shown
 from orbits.export.labelled import Variable
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.trajectory.work import accounts_of
@@ -37,7 +37,7 @@ class Rotation:
 
     def __repr__(self) -> str:
         turning = [*self._system.rigid, *sorted(force.source for force in self._spinning().values())]
-        return f"Rotation({few(turning) if turning else 'of no body'}; {len(self._run)} samples)"
+        return f"Rotation({few(turning) if turning else 'of no body'}; {counted(len(self._run), 'sample')})"
 
     def attitude(self, body: str, *, matrix: bool = False) -> Array:
         """Return the attitude of a rigid body at each sample: unit quaternions, (n, 4), of the rotation from the axes

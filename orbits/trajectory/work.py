@@ -9,7 +9,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
+from orbits.errors import InputError, counted
 from orbits.system.model import given_bodies
 from orbits.system.rigid_body import RIGID
 
@@ -40,7 +40,8 @@ class ForceEffect:
 
     def __repr__(self) -> str:
         last = f"{self.work[-1]:.6g}" if len(self.work) else "nothing yet"
-        return f"{type(self.force).__name__} {self.force.whom}: work {last} at the last of {len(self.work)} samples"
+        count = counted(len(self.work), "sample")
+        return f"{type(self.force).__name__} {self.force.whom}: work {last} at the last of {count}"
 
 
 def accounts_of(run: Trajectory) -> Array:

@@ -221,17 +221,19 @@ class ViewData:
 
         A body that is gone has 0.
         """
-        legs = run.legs if run.changes is not None else ()
-        if len(legs) < 2:  # forces change them slowly
-            times = run.times[:: math.ceil(len(run) / MOST_LEGS)]
-            gm = masses_over(run, times)[:, list(self.layout.bodies)]
-            changed = (gm != gm[0]).any()
-            return [[t, now] for t, now in zip(times.tolist(), gm.tolist(), strict=True)] if changed else []
-        found = []
-        for leg in legs[:MOST_LEGS]:
-            known = dict(zip(leg.names, leg.gm.value.tolist(), strict=True))
-            found.append([float(leg.time.value), [known.get(run.system.names[i], 0.0) for i in self.layout.bodies]])
-        return found
+        legs = [float(leg.time.value) for leg in run.legs] if run.changes is not None else []
+        slowly = run.times[:: math.ceil(len(run) / MOST_LEGS)].tolist() if run.system.forces else []
+        forwards = (run.times[-1] - run.times[0] or run.clock.direction) > 0.0
+        times = np.unique([*legs[:MOST_LEGS], *slowly])[:: 1 if forwards else -1]
+        if not len(times):
+            return []
+        gm = masses_over(run, times)
+        if run.changes is not None:
+            gm = np.where(run.changes.over(times).present, gm, 0.0)
+        gm = gm[:, list(self.layout.bodies)]
+        new = np.append(True, (gm[1:] != gm[:-1]).any(axis=1))
+        changes = zip(times[new].tolist(), gm[new].tolist(), strict=True)
+        return [[t, now] for t, now in changes] if np.count_nonzero(new) > 1 else []
 
 
 def _states(run: Trajectory, rows: Iterable[int]) -> tuple[Array, Array]:

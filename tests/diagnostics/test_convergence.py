@@ -91,3 +91,7 @@ def test_a_measured_order_is_printed_without_its_arrays():
     steps = found.h[found.used]
     assert f"from {len(steps)} of 12 steps, {steps.min():.3g} to {steps.max():.3g})" in str(found)
     assert "no order" in str(diagnostics.convergence(h, np.ones(12)))
+
+
+def test_a_body_at_rest_at_the_origin_has_no_errors_and_no_order():
+    assert np.isnan(diagnostics.order([1.0], np.zeros((1, 3)), np.zeros((1, 3)), orbits.StormerVerlet(), dt=0.1).order)

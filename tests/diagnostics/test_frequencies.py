@@ -163,3 +163,25 @@ def test_terms_are_printed_as_a_table_with_words_above_each_column():
     assert first.split() == ["0.5", "12.56637", "2", "0.3000"]
     assert [float(x) for x in second.split()] == pytest.approx([-1.25, 5.026548, 0.1, 0.0], abs=1e-7)
     assert "of the series is left; frequencies in radians per unit of time, resolution 0.00614" in last
+
+
+@each("scale", [2.0**-900, 2.0**900])
+def test_squares_of_tiny_and_huge_series_are_neither_lost_nor_infinite(scale):
+    t = np.arange(400) * 0.25
+    z = series(t, [0.5, -1.25], [2.0, 0.1])
+    plain, found = diagnostics.frequency_analysis(t, z, 2), diagnostics.frequency_analysis(t, scale * z, 2)
+    assert np.array_equal(found.frequency, plain.frequency)  # powers of two change no bit
+    assert np.array_equal(found.amplitude, scale * plain.amplitude)
+
+
+@each("half", [1e-4, 1e-8])
+def test_a_band_narrower_than_the_spectrum_is_searched_has_its_term(half):
+    """It had none, with all of the series left."""
+    t = np.linspace(0.0, 100.0, 401)
+    z = series(t, [1.3, -3.3], [2.0 * np.exp(0.5j), 0.1])
+    for scale in (1.0, -1.0):
+        band = sorted(scale * (1.3 + x) for x in (-half, 0.5 * half))
+        found = diagnostics.frequency_analysis(scale * t, z, 2, band=band)
+        assert len(found) == 1
+        assert found.frequency[0] == pytest.approx(scale * 1.3, abs=1e-7)  # displaced by the other term, at 0.05 of it
+        assert found.amplitude[0] == pytest.approx(2.0 * np.exp(0.5j), rel=1e-4)

@@ -77,6 +77,7 @@ WRONG = [
     (([1.0, 2.0, 3.0], np.ones((8, 3))), "at least 8 and 4"),
     (([0.0, 1.0, 2.0, 3.0], np.ones((8, 4))), "times must be positive"),
     (([1.0, 2.0, 3.0, 4.0], np.full((8, 4), np.nan)), "errors finite"),
+    (([2.0, 2.0, 2.0, 2.0], np.ones((8, 4))), "all times are 2; expected different ones"),
     (([1.0, 2.0, 3.0, 4.0], np.zeros((8, 4))), "no start has any error at t = 1"),
 ]
 
@@ -85,3 +86,10 @@ WRONG = [
 def test_ensembles_too_small_to_tell_are_refused(given, message):
     with pytest.raises(InputError, match=message):
         diagnostics.growth(*given)
+
+
+def test_the_bias_is_that_of_the_latest_time_in_whatever_order_times_are_given():
+    errors = np.random.default_rng(3).normal(size=(20, 4)).cumsum(axis=1) + 0.2
+    given, turned = (diagnostics.growth(TIMES[:4][::k], errors[:, ::k]) for k in (1, -1))
+    assert turned.bias == given.bias
+    assert turned.t.tolist() == TIMES[:4].tolist()

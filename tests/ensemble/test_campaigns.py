@@ -558,3 +558,15 @@ def test_a_killed_process_is_replaced_and_its_blocks_are_done_again(tmp_path):
     thread.join()
     assert any("its worker was lost; it is done again" in line for line in told)
     assert campaign.bits == ensemble.run(belt(64), tmp_path / "whole", block=16, **longer).bits
+
+
+def test_members_that_an_event_stopped_did_not_survive_and_are_no_failures(tmp_path):
+    stop = orbits.events.FartherThan(1.5, "A", "B", then="stop")
+    made = ensemble.grid(pair, speed=[0.9, 1.9])
+    options = {"duration": 5.0, "dt": 0.01, "integrator": "gauss", "events": stop, "progress": False}
+    campaign = ensemble.run(made, tmp_path / "c", **options)
+    table = campaign.summary
+    assert list(table["state"]) == ["survived", "stopped"]
+    assert table["end"][1] < 5.0 == table["end"][0]
+    assert "farther" in table["reason"][1]
+    assert (campaign.progress.survivors, campaign.progress.members_failed) == (1, 0)

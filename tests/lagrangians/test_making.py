@@ -28,11 +28,17 @@ from ..coverings import each, first
 q, v, w, k, t = sympy.symbols("q v w k t")
 x, y, vx, vy = sympy.symbols("x y vx vy")
 positive = sympy.Symbol("k", positive=True)
+whole = sympy.Symbol("n", integer=True)
 
 
 def made(L, **changes):
     arguments = {"q": [q], "v": [v], "parameters": {}, "name": "test", **changes}
     return orbits.Lagrangian.from_sympy(L, **arguments)
+
+
+def in_positive():
+    """L with |k|, from which SymPy has left out that k may be negative."""
+    return made(v**2 / 2 - sympy.sqrt(positive**2), q=[positive])
 
 
 def printed(expression, symbols):
@@ -149,6 +155,11 @@ REFUSED = {
     "example": (v**2 / 2, {"example": orbits.Motion(q=(1.0, 2.0), v=(1.0, 2.0), dt=0.1)}, "the example's q of shape"),
     "symmetry": (v**2 / 2, {"symmetries": ["rotation"]}, "must be `orbits.Symmetry` objects"),
     "text parameter": (v**2 / 2 - k * q, {"parameters": {k: "1"}}, "parameter k must be a real number"),
+    "whole coordinate": (
+        v**2 / 2 - sympy.cos(2 * sympy.pi * whole),
+        {"q": [whole]},
+        "n was declared to SymPy as whole numbers",
+    ),
     "complex parameter": (v**2 / 2 - k * q, {"parameters": {k: 1j}}, "parameter k must be a real number"),
     "infinite parameter": (v**2 / 2 - k * q, {"parameters": {k: float("inf")}}, "parameter k must be finite"),
     "text as symbol": (v**2 / 2, {"q": ["q"]}, "must be SymPy symbols"),
@@ -167,6 +178,20 @@ PENDULUM, KEPLER = orbits.lagrangians.pendulum, orbits.lagrangians.kepler
 WRONG_USES = {
     "shape": (lambda: PENDULUM.value([1.0, 2.0], [0.0]), r"has 1 coordinate \(q\); got q of shape \(2,\)"),
     "nan": (lambda: PENDULUM.value([float("nan")], [0.0]), "q must be finite"),
+    "text as time": (lambda: PENDULUM.value([1.0], [0.0], t="x"), "t must be a real number, got 'x'"),
+    "no time": (lambda: PENDULUM.velocity([1.0], [0.0], t=None), "t must be a real number, got None"),
+    "coordinate of another sign": (
+        lambda: in_positive().value([-1.0], [0.0]),
+        "k was declared to SymPy >= 0, and L is simplified accordingly; it is -1",
+    ),
+    "start of another sign": (
+        lambda: orbits.march(in_positive(), orbits.Gauss(), q=[-1.0], v=[0.0], dt=0.1, steps=5),
+        "k was declared to SymPy >= 0.*it is -1",
+    ),
+    "motion to another sign": (
+        lambda: orbits.march(in_positive(), orbits.StormerVerlet(), q=[1.0], v=[0.0], dt=0.1, steps=20),
+        "k was declared to SymPy >= 0.*it is -",
+    ),
     "complex state": (lambda: PENDULUM.value([1j], [0.0]), "must be 1 real numbers"),
     "text": (lambda: PENDULUM.value("a", [0.0]), "must be 1 real numbers"),
     "ragged": (lambda: KEPLER.value([[1.0], [1.0, 2.0]], [0.0, 0.0]), "must be 2 real numbers"),

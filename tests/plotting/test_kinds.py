@@ -334,3 +334,11 @@ def test_a_picture_of_energy_says_how_many_events_it_has_no_lines_for(monkeypatc
     run = orbits.propagate(system, dt="5 d", duration="9 yr", samples=9, events=orbits.events.Pericentre("Mars"))
     assert len(run.events) > 2
     assert f"events, the first 2 of {len(run.events)}" in " ".join(seen.texts(run.plot("energy"))).replace("\n", " ")
+
+
+def test_the_path_of_a_parabola_is_drawn_without_warnings_of_numpy(recwarn: pytest.WarningsRecorder) -> None:
+    system = orbits.System.from_elements({"star": {"gm": 1.0}}, units=orbits.DIMENSIONLESS)
+    for e in (1.0, 2.0):
+        system = system.add(f"e = {e}", primary="star", q=1.0, e=e, T=3.0)
+    orbits.propagate(system, orbits.Gauss(4), duration=10.0, samples=51).plot()
+    assert not [warning for warning in recwarn if issubclass(warning.category, RuntimeWarning)]

@@ -73,3 +73,9 @@ def test_a_retired_particle_has_no_disc_at_the_end_and_is_none_of_the_points() -
         assert not np.isin(np.concatenate(points), q[19, 1, :2]).any()
         last = 1 if len(bodies) == 2 else 39
         assert sum(np.isin(part[:, 0], q[-1, 2:, 0]).sum() for part in points) == last
+
+
+def test_a_resonance_with_a_planet_that_is_in_no_sample_is_refused(run) -> None:
+    """It ended in a ValueError of NumPy."""
+    with pytest.raises(InputError, match="in these samples no body goes round beside a; choose another planet"):
+        run[60:].plot("resonance", resonance="2:1", planet="a")

@@ -470,3 +470,19 @@ def test_a_sample_in_a_step_that_cannot_be_taken_is_reached_and_collisions_befor
     assert np.array_equal(run.q, orbits.propagate(system, **options).q)
     assert len(run.events) == met
     assert np.abs(run.events.time.value - (1.0 - reach)).max(initial=0.0) < 2e-3  # the others pull both
+
+
+@pytest.mark.parametrize("then", [Merge(), Bounce(), "stop"], ids=["merge", "bounce", "stop"])
+def test_bodies_that_meet_before_their_pericentre_need_no_steps_that_resolve_it(then: Any) -> None:
+    """A head-on fall, and one with a pericentre at 0.005: neither is reached."""
+    for sideways in (0.0, 0.1):
+        system = pair()
+        system = system.replaced(v=system.v.value + np.array([[0, 0, 0], [0, sideways, 0]]))
+        run = orbits.propagate(system, dt=0.01, duration=2.6, events=Collision(then=then), check_step="refuse")
+        assert len(run.events) == 1
+
+
+def test_steps_are_looked_at_where_bodies_pass_each_other_before_they_touch_or_pass_through() -> None:
+    for radii, then in (((0.1, 0.1), "record"), ((1e-6, 1e-6), Merge())):
+        with pytest.raises(InputError, match="falls straight into"):
+            orbits.propagate(pair(radii), dt=0.01, duration=2.6, events=Collision(then=then), check_step="refuse")

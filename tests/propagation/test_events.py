@@ -260,6 +260,19 @@ def test_elements_cross_a_value_where_the_states_say_so():
         assert rises == (np.diff(of_saturn.value)[crossings] > 0.0).tolist()
 
 
+def test_negative_apocentre_distances_of_hyperbolas_rise_and_fall_as_those_of_ellipses_do():
+    comet, planet = {"q": 1.0, "e": 1.5, "inc": 0.4, "f": -2.0}, {"a": 1.6, "gm": 0.05}
+    bodies = {"star": {"gm": 1.0}, "comet": comet, "planet": planet}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    series = orbits.propagate(system, duration=20.0, samples=201).elements("star")
+    Q = (series.a * (1 + series.e))[:, 0].value
+    value = 0.5 * (Q[0] + Q[-1])
+    run = orbits.propagate(system, duration=20.0, events=ElementCrossing("comet", "Q", value))
+    crossings = np.flatnonzero(np.diff(np.sign(Q - value)))
+    assert [event.kind.split(" ")[1] == "rises" for event in run.events] == (np.diff(Q)[crossings] > 0.0).tolist()
+    assert len(crossings) == 3
+
+
 def test_the_argument_of_pericentre_and_the_true_anomaly_cross_an_angle():
     system = pair(e=0.4, inc=0.5)
     run = orbits.propagate(system, duration=3 * PERIOD, events=ElementCrossing("planet", "f", 2.0))

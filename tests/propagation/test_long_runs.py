@@ -105,7 +105,7 @@ def test_a_list_of_systems_has_one_line_for_all(giants: orbits.System) -> None:
     assert lines[-1].endswith("3 of 3 systems done")
 
 
-@pytest.mark.parametrize("bad", [0, -1.0, "soon", 3 * u.m, float("nan"), [1]])
+@pytest.mark.parametrize("bad", [0, -1.0, "soon", "25:61:00", 3 * u.m, float("nan"), [1]])
 def test_what_is_no_wall_time_is_refused_by_name(giants: orbits.System, bad: Any) -> None:
     for name in ("heartbeat", "wall_time"):
         with pytest.raises(orbits.errors.InputError, match=name):

@@ -743,3 +743,15 @@ def test_whatever_an_archive_says_of_an_integrator_is_built_or_refused(parameter
     with contextlib.suppress(OrbitsError):
         built = integrators.build({"name": "gauss", "parameters": parameters})
         assert built == orbits.Gauss(**parameters)
+
+
+def test_pictures_of_an_earlier_run_do_not_stay_beside_the_report_of_another(tmp_path):
+    from matplotlib.figure import Figure
+
+    perform(pair(draw=lambda outcome: {"first": Figure(), "both": Figure()}), out=tmp_path)
+    own = tmp_path / "mine.png"
+    own.write_bytes((tmp_path / "first.png").read_bytes())  # in no report, though written by the package
+    perform(pair(draw=lambda outcome: {"second": Figure(), "both": Figure()}), out=tmp_path)
+    assert {path.name for path in tmp_path.glob("*.png")} == {"second.png", "both.png", "mine.png"}
+    perform(pair(), out=tmp_path, plot=False)
+    assert [path.name for path in tmp_path.glob("*.png")] == ["mine.png"]

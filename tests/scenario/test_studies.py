@@ -646,3 +646,12 @@ def test_apophis_from_its_observations_passes_where_jpl_has_it(tmp_path):
     outcome = perform(load("fit"), out=tmp_path)
     assert outcome.ok, outcome.failures
     assert {path.name for path in outcome.files} == {"fit.png", "residuals.png", "report.json"}
+
+
+def test_pictures_of_an_earlier_study_do_not_stay_beside_the_report_of_another(tmp_path):
+    from matplotlib.figure import Figure
+
+    perform(of(figures={"first": Figure}), out=tmp_path)
+    assert (tmp_path / "first.png").exists()
+    perform(of(figures={"second": Figure}), out=tmp_path)
+    assert [path.name for path in tmp_path.glob("*.png")] == ["second.png"]

@@ -153,6 +153,23 @@ def test_orbits_about_a_star_that_loses_mass_are_of_the_mass_of_their_time_on_th
     np.testing.assert_allclose(masses, np.outer(LEFT, losing.gm.value), rtol=1e-15)
 
 
+def test_masses_on_the_page_are_those_that_mergers_and_a_loss_have_left() -> None:
+    """With the first merger, the loss was left out: the star had 1.14 instead of 0.11 at the end."""
+    q, v = [[0.0, 0, 0], [1, 0, 0], [5, 0, 0]], [[0.0, 0, 0], [-0.2, 0, 0], [0, 0.4, 0]]
+    system = orbits.System(["S", "p", "x"], [1.0, 0.1, 1e-9], q, v, radii=[0.05, 0.05, 0], units=orbits.DIMENSIONLESS)
+    merge = orbits.events.Collision(then=orbits.events.Merge())
+    for sign in (1.0, -1.0):
+        falling = system.replaced(v=sign * system.v).with_forces(orbits.terms.MassLoss("S", fraction=-0.3 * sign))
+        run = orbits.propagate(falling, orbits.Gauss(stages=4), duration=3.0 * sign, samples=7, events=merge)
+        times, gm = (np.array(x) for x in zip(*ViewData(run).chunk(run)["masses"], strict=True))
+        assert (np.diff(times) * sign > 0.0).all()
+        (merged,) = run.events
+        after = np.abs(times) >= abs(merged.time.value)
+        left = 1.0 - 0.3 * np.abs(times)
+        np.testing.assert_allclose(gm[:, 0], np.where(after, run.legs[1].gm.value[0], 1.0) * left, rtol=1e-15)
+        np.testing.assert_array_equal(gm[:, 1], np.where(after, 0.0, 0.1))
+
+
 def test_another_run_under_the_same_name_is_not_mixed_with_the_first(tmp_path: Path) -> None:
     path = tmp_path / "run.h5"
     runs.planets(path).close()

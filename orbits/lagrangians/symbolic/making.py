@@ -73,6 +73,7 @@ def from_sympy(
         symbolic=lambda: formula,
         constraints=tuple(str(g) for g in formula.constraints),
         check_parameters=lambda values: _check_values(name, formula.parameters, values),
+        signs=tuple(bool(x.is_nonnegative) - bool(x.is_nonpositive) for x in formula.q),
     )
 
 
@@ -179,6 +180,12 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
     for x in (*q, *v, *([] if t is None else [t]), *parameters):
         if not isinstance(x, sympy.Symbol | sympy.Derivative | sympy.core.function.AppliedUndef):
             raise InputError(f"'{name}': q, v, t and the keys of parameters must be SymPy symbols; got {shown(x)}")
+    for x in (*q, *v, *([] if t is None else [t])):
+        if x.is_integer or x.is_imaginary:
+            raise InputError(
+                f"'{name}': {x} was declared to SymPy as {'whole' if x.is_integer else 'imaginary'} numbers, and L is "
+                "simplified accordingly; coordinates, velocities and time are real. Declare it with real=True."
+            )
     everything = [*q, *v, *([] if t is None else [t]), *parameters]
     if len(set(everything)) < len(everything):
         twice = sorted({str(x) for x in everything if everything.count(x) > 1})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ from orbits.system.model import most_inner
 from orbits.system.model_text import require_known
 
 if TYPE_CHECKING:
+    from orbits.propagation.events.base import Touching
     from orbits.propagation.events.seeking import Seeking
     from orbits.system import System
     from orbits.time_grid import TimeGrid
@@ -151,7 +152,9 @@ def check_once(system: System) -> None:
             )
 
 
-def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, check_step: Any) -> None:
+def check_before_start(
+    system: System, integrator: Integrator, grid: TimeGrid, check_step: Any, touching: Collection[Touching] = ()
+) -> None:
     """Warn of what the steps of a run do not resolve, or refuse the run, or do neither, as `check_step` says.
 
     Raises InputError for another `check_step`, and with "refuse" for all that is a `StepWarning` with True.
@@ -160,11 +163,13 @@ def check_before_start(system: System, integrator: Integrator, grid: TimeGrid, c
         warn_if_far(system, grid.end)
     check_span(system, grid)
     check_once(system)
-    warn_or_refuse(found_ahead(system, integrator, grid), check_step)
+    warn_or_refuse(found_ahead(system, integrator, grid, touching), check_step)
 
 
-def found_ahead(system: System, integrator: Integrator, grid: TimeGrid) -> Iterator[Finding]:
-    """Find what steps of one length do not resolve."""
+def found_ahead(
+    system: System, integrator: Integrator, grid: TimeGrid, touching: Collection[Touching] = ()
+) -> Iterator[Finding]:
+    """Find what steps of one length do not resolve; touching : see `step_check.too_long`."""
     if grid.clock.changes:
         return
     if integrator.follows_kepler:
@@ -172,7 +177,7 @@ def found_ahead(system: System, integrator: Integrator, grid: TimeGrid) -> Itera
 
         yield from unfit(system, integrator, grid.h, grid.end)
     else:
-        yield from step_check.too_long(system, integrator, grid.h, grid.end)
+        yield from step_check.too_long(system, integrator, grid.h, grid.end, touching)
     yield from turning_fast(system, grid.h)
 
 

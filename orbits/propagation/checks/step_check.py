@@ -9,7 +9,7 @@ fraction of the change of velocity in the passage.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -32,11 +32,13 @@ from orbits.propagation.checks.passage_effect import (
     effect,
 )
 from orbits.propagation.checks.passing_pair import MOST_ANGLE, MOST_ECCENTRICITY, Pair, march_pair
+from orbits.propagation.events.base import RECORD
 from orbits.results.approach import as_error, at_least, two_digits
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 
 if TYPE_CHECKING:
+    from orbits.propagation.events.base import Touching
     from orbits.system import System
 
 TOO_LONG = 1e-2
@@ -163,13 +165,16 @@ def passage_ahead(system: System, integrator: Integrator, h: float, span: float)
     return Ahead(row, partner, distance, angle, share, caused, enough)
 
 
-def too_long(system: System, integrator: Integrator, h: float, span: float) -> Iterator[Finding]:
+def too_long(
+    system: System, integrator: Integrator, h: float, span: float, touching: Collection[Touching] = ()
+) -> Iterator[Finding]:
     """Find whether steps of h are too long for the fastest passage within `span` from now on.
 
+    touching : the rules of collisions that are sought: bodies that meet before their pericentre do not pass it
     Only this passage is known before a run: what it costs is a lower bound, and others may need shorter steps.
     """
     ahead = passage_ahead(system, integrator, h, span)
-    if ahead is None:
+    if ahead is None or _meet_before(system, integrator, h, ahead, touching):
         return
     units, name, other = system.units, system.names[ahead.row], system.names[ahead.partner]
     if not math.isfinite(ahead.angle):
@@ -190,6 +195,23 @@ def too_long(system: System, integrator: Integrator, h: float, span: float) -> I
         StepWarning,
         "passage ahead",
     )
+
+
+def _meet_before(
+    system: System, integrator: Integrator, h: float, ahead: Ahead, touching: Collection[Touching]
+) -> bool:
+    """Return whether two bodies touch before their pericentre, and merge, bounce or end the run there, in steps that
+    resolve the way to it.
+    """
+    pair = [ahead.row, ahead.partner]
+    rule = next((rule for rule in touching if rule.concerns(*pair)), None)
+    reach = 0.0 if system.radii is None else float(system.radii.value[pair].sum())
+    if rule is None or rule.then == RECORD or not ahead.distance < reach:
+        return False
+    gm, q, v, _ = system.values
+    fall = 2.0 * gm[pair].sum() * (1.0 / reach - 1.0 / float(np.linalg.norm(np.diff(q[pair], axis=0))))
+    speed = math.sqrt(max(fall + float(np.sum(np.diff(v[pair], axis=0) ** 2)), 0.0))
+    return passage_error(integrator, 1.0, abs(h) * speed / reach)[0] <= TOO_LONG
 
 
 def what_to_do(system: System, integrator: Integrator, enough: float, what: str) -> str:

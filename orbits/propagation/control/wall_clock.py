@@ -15,7 +15,7 @@ from orbits.units import quantity_from_text
 if TYPE_CHECKING:
     from orbits.trajectory import Trajectory
 
-_OF_BATCH_SYSTEMS = re.compile(r"(?:(\d+)-)?(\d+):(\d\d):(\d\d)")
+_OF_BATCH_SYSTEMS = re.compile(r"(?:(\d+)-)?(\d+):([0-5]\d):([0-5]\d)")
 """12:00:00 and 2-12:00:00, as Slurm and PBS write limits."""
 
 

@@ -181,7 +181,8 @@ def _run(archive: Archive) -> str:
     steps = f"dt = {with_unit(f'{grid.dt:g}', archive.system.units.time)}"
     if grid.clock.changes:
         steps = "steps that are chosen"
-    told = f"holds its checksum: {len(archive.system):,} bodies, {made_by(archive)[0].label}, {steps}"
+    count = len(archive.system)
+    told = f"holds its checksum: {count:,} bod{'y' if count == 1 else 'ies'}, {made_by(archive)[0].label}, {steps}"
     return told if archive.origin is None else f"{told}; scenario {archive.origin}"
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from orbits.system import System
 
 SIZES = {"a": "length", "q": "length", "Q": "length", "P": "time", "e": "pure", "inc": "angle", "energy": "energy"}
+LIMITS = {"q": (0.0, np.inf), "P": (0.0, np.inf), "e": (0.0, np.inf), "inc": (0.0, np.pi)}
 ANGLES = ("Omega", "omega", "f")
 """The elements that can cross a value: numbers of some kind, and angles around a circle."""
 
@@ -132,7 +133,8 @@ class ElementCrossing(Sought):
         pairs = pairs_of(system, self.body, system.names[primary], "ElementCrossing")
         value = finite_number(self._floats(system), "ElementCrossing.value")
         mu = float(system.values.gm[list(pairs[0])].sum())
-        if self.element in ("P", "a", "q", "Q") and not (value > 0.0 or (self.element in ("a", "Q") and value < 0.0)):
+        least, most = LIMITS.get(self.element, (-np.inf, np.inf))
+        if not least <= value <= most or (value == 0.0 and self.element in ("P", "a", "q", "Q")):
             raise InputError(f"ElementCrossing: {self.element} = {value:g} is of no orbit; expected another value.")
         shown_value = f"{self.value:g}".rstrip()
         words = (f"{self.element} falls below {shown_value}", f"{self.element} rises above {shown_value}")
@@ -175,7 +177,9 @@ class Element(PairBound):
         if self._element == "e":
             return np.asarray(dot(ecc, ecc) - value * value)
         p, e = dot(h, h) / mu, np.sqrt(dot(ecc, ecc))
-        return np.asarray(p - value * (1.0 + e) if self._element == "q" else p - value * (1.0 - e))
+        if self._element == "q":
+            return np.asarray(p - value * (1.0 + e))
+        return np.asarray(np.sign(value) * (p - value * (1.0 - e)))  # Q < 0 on hyperbolas
 
     def keeps(self, t: Array, q: Array, v: Array, columns: Whole) -> NDArray[np.bool_]:
         """Return where an angle is the value, not opposite."""
