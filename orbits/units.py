@@ -316,7 +316,7 @@ DIMENSIONLESS = UnitSystem(
 JULIAN_DATES = (0.0, 5373484.5)
 # Within these, 270 million years, the Julian date of a long run is known to a thousandth of a second.
 FARTHEST_DATE = 1e11
-# A plain number below this (2026 BC) is more likely a modified Julian date, or a year.
+# A plain number below this (1976 BC) is more likely a modified Julian date, or a year.
 SMALLEST_PLAIN_JULIAN_DATE = 1e6
 # What texts end with that are not meant as TDB, such as "2000-01-01T00:00:00Z" or "...+01:00".
 UTC = re.compile(r"\d\s*(Z|UTC|UT|GMT|[+-]\d\d:\d\d)\s*$", re.IGNORECASE)

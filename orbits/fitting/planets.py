@@ -199,8 +199,8 @@ def fit_planets(
     for one in several:
         if len(one) and one.time.jd.min() < SMALLEST_PLAIN_JULIAN_DATE:
             raise InputError(
-                f"{one} begin at JD {one.time.jd.min():.9g}, before 1975 BC; expected Julian dates. If days count from "
-                "another date, add it, or read the file with it: zero=2400000.5 of modified Julian dates."
+                f"the times of {one} begin at JD {one.time.jd.min():.9g}, before 1976 BC; expected Julian dates. If "
+                "days count from another date, add it, or read the file with it: zero=2400000.5 of modified dates."
             )
     system = checked_start(with_planets(system, transits))
     planets = system.names[1:]

@@ -251,7 +251,7 @@ def _whole_numbers(given: Any, size: int) -> Array:
         number = np.zeros(0)
     whole = np.isnan(number) | ((abs(number) < MOST_NUMBER) & (number == np.rint(number)))
     if number.shape != (size,) or _masked(given) or not whole.all():
-        raise InputError(f"number is {shown(given)}; expected {size} whole numbers.")
+        raise InputError(f"number is {shown(given)}; expected {size} whole numbers below 2^53.")
     return number
 
 

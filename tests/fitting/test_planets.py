@@ -138,7 +138,7 @@ def test_what_cannot_be_fitted_is_refused():
         orbits.fit(rv, start, jitter=3 * u.km)
     for small in (orbits.RadialVelocities("x", rv.time.mjd, rv.velocity, rv.sigma), ten_days()):
         early = small if small.time.jd[0] < 1e6 else orbits.TransitTimes("b", small.time.mjd, small.sigma)
-        with pytest.raises(InputError, match=r"begin at JD [45]\d{4}\.?\d*, before 1975 BC; .* zero=2400000\.5"):
+        with pytest.raises(InputError, match=r"begin at JD [45]\d{4}\.?\d*, before 1976 BC; .* zero=2400000\.5"):
             orbits.fit(early, start)
     with pytest.raises(InputError, match=r"system is None; expected the star and its planets"):
         orbits.fit(rv)

@@ -29,6 +29,7 @@ q, v, w, k, t = sympy.symbols("q v w k t")
 x, y, vx, vy = sympy.symbols("x y vx vy")
 positive = sympy.Symbol("k", positive=True)
 whole = sympy.Symbol("n", integer=True)
+fast = sympy.Symbol("u", positive=True)
 
 
 def made(L, **changes):
@@ -158,8 +159,9 @@ REFUSED = {
     "whole coordinate": (
         v**2 / 2 - sympy.cos(2 * sympy.pi * whole),
         {"q": [whole]},
-        "n was declared to SymPy as whole numbers",
+        "n was declared to SymPy as a whole number",
     ),
+    "positive velocity": (fast**2 / 2 - q**2, {"v": [fast]}, "u was declared to SymPy with a sign"),
     "complex parameter": (v**2 / 2 - k * q, {"parameters": {k: 1j}}, "parameter k must be a real number"),
     "infinite parameter": (v**2 / 2 - k * q, {"parameters": {k: float("inf")}}, "parameter k must be finite"),
     "text as symbol": (v**2 / 2, {"q": ["q"]}, "must be SymPy symbols"),

@@ -92,8 +92,9 @@ class KeplerSplitting(InJacobiCoordinates):
     }
 
     def own_kernels(self) -> Mapping[str, Any]:
-        """Return the kernels of this instance. Particles with terms are not taken two times eight at once; nor others
-        whose kick has two parts, where a register of the processor has four numbers: they take 0.87 of the time.
+        """Return the kernels of this instance. Particles with terms are not taken two times eight at once; nor are
+        others whose kick has two parts, where a register of the processor has four numbers: eight at a time are then
+        faster, by 0.87.
         """
         own = super().own_kernels()
         if not self.among_particles:

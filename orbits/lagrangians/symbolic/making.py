@@ -182,9 +182,16 @@ def _checked(L: Any, q: Any, v: Any, t: Any, parameters: Mapping[Any, float], na
             raise InputError(f"'{name}': q, v, t and the keys of parameters must be SymPy symbols; got {shown(x)}")
     for x in (*q, *v, *([] if t is None else [t])):
         if x.is_integer or x.is_imaginary:
+            kind = "a whole" if x.is_integer else "an imaginary"
             raise InputError(
-                f"'{name}': {x} was declared to SymPy as {'whole' if x.is_integer else 'imaginary'} numbers, and L is "
-                "simplified accordingly; coordinates, velocities and time are real. Declare it with real=True."
+                f"'{name}': {x} was declared to SymPy as {kind} number, by which L is simplified; coordinates, "
+                "velocities and time are real. Declare it with real=True."
+            )
+    for x in (*v, *([] if t is None else [t])):
+        if x.is_nonnegative or x.is_nonpositive:
+            raise InputError(
+                f"'{name}': {x} was declared to SymPy with a sign, by which L is simplified; velocities and time have "
+                "both. Declare it with real=True."
             )
     everything = [*q, *v, *([] if t is None else [t]), *parameters]
     if len(set(everything)) < len(everything):

@@ -26,7 +26,7 @@ from orbits.kernels.steps import (
     step_pair,
     step_particles,
 )
-from orbits.marching.following.contract import has_sample, kept_at
+from orbits.marching.following.contract import Room, has_sample, kept_at
 from orbits.marching.following.one_by_one import hide, march_each
 
 GROUP = 2 * WIDTH
@@ -47,7 +47,9 @@ def _march_groups(method, model, clock, block, particles, room, p, stop):
 def _march_each(method, model, clock, block, particles, room, p, stop):
     evaluations = 0
     for first in range(p, stop, WIDTH):
-        evaluations += _march_eight(method, model, clock, block, particles, room, first, min(first + WIDTH, stop))
+        track = room.track if first == p else room.track[room.track.shape[0] // 2 :]
+        own = Room(room.scratch, track, room.observer, room.context, room.evaluations)
+        evaluations += _march_eight(method, model, clock, block, particles, own, first, min(first + WIDTH, stop))
     return evaluations
 
 

@@ -58,7 +58,9 @@ class InLanes:
         _write(leg.stepper.state, lost, reached)
 
     def losing_by(self, leg: Legs, time: float) -> Legs:
-        """Return a leg that has lost the particles that are lost by a time in the next step: from its beginning on."""
+        """Return a leg that has lost what is lost by a time in the next step: here nothing more, as all particles take
+        whole steps.
+        """
         return leg
 
     def stop(self, state: State, particles: NDArray[np.intp], time: float) -> None:

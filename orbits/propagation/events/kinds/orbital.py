@@ -135,7 +135,7 @@ class ElementCrossing(Sought):
         mu = float(system.values.gm[list(pairs[0])].sum())
         least, most = LIMITS.get(self.element, (-np.inf, np.inf))
         if not least <= value <= most or (value == 0.0 and self.element in ("P", "a", "q", "Q")):
-            raise InputError(f"ElementCrossing: {self.element} = {value:g} is of no orbit; expected another value.")
+            raise InputError(f"ElementCrossing: {self.element} = {self.value} is of no orbit; expected another value.")
         shown_value = f"{self.value:g}".rstrip()
         words = (f"{self.element} falls below {shown_value}", f"{self.element} rises above {shown_value}")
         axes = axes_of(system, self.frame)
