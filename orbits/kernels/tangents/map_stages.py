@@ -151,7 +151,7 @@ def _if_there(e, change):
     return (lambda e, change: None) if isinstance(e, types.NoneType) else lambda e, change: change
 
 
-@kernel(inline=True)
+@kernel
 def _interact(model, room, r, e, with_terms, out):
     """Write the interaction of planets at r, or its change along e, if that is not None, with terms of positions alone
     or without.
