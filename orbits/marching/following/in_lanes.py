@@ -64,7 +64,7 @@ def _march_eight(method, model, clock, block, particles, room, p, stop):
     for k in range(steps):
         (t, h), storage = step_of(clock, k), _at(block, particles, room, k, p)
         if has_sample(particles.samples, k):
-            keep_particles(method, carry, _kept(particles.samples, room, block.stages[k], k, p, one))
+            _keep_eight(method, particles.samples, room, block.stages[k], k, p, one, carry)
         one, carry, _, count = step_particles(method, model, t, h, one, carry, storage)
         record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
         evaluations += count * (stop - p)
@@ -88,9 +88,7 @@ def _march_pair(method, model, clock, block, particles, room, p, stop):
     for k in range(steps):
         (t, h), storages = step_of(clock, k), (_at(block, particles, room, k, p), _at(block, particles, room, k, P))
         if has_sample(particles.samples, k):
-            samples, stages = particles.samples, block.stages[k]
-            kept = _kept(samples, room, stages, k, p, one), _kept(samples, room, stages, k, P, two)
-            keep_pair(method, carry, kept)
+            _keep_pair(method, particles.samples, room, block.stages[k], k, p, P, one, two, carry)
         one, two, carry, count = step_pair(method, model, t, h, one, two, carry, storages)
         # At once, as methods that march other variables need these no longer.
         record_particles(track, k + 1, one.x, one.y, one.z, one.vx, one.vy, one.vz)
@@ -103,6 +101,20 @@ def _march_pair(method, model, clock, block, particles, room, p, stop):
         _finish(columns, retired, other, steps, P, two, stop)
         call_observer(room.observer, room.context, other, h, steps, P, stop)
     return evaluations
+
+
+@kernel
+def _keep_eight(method, samples, room, stages, k, p, one, carry):
+    """Keep particles p ... p + 7 at the beginning of step k, in which there is a sample: not in the loop over steps,
+    where registers are scarce.
+    """
+    keep_particles(method, carry, _kept(samples, room, stages, k, p, one))
+
+
+@kernel
+def _keep_pair(method, samples, room, stages, k, p, P, one, two, carry):
+    """The same of particles p ... p + 7 and P ... P + 7."""
+    keep_pair(method, carry, (_kept(samples, room, stages, k, p, one), _kept(samples, room, stages, k, P, two)))
 
 
 @kernel
