@@ -203,5 +203,6 @@ def with_unit(figure: object, unit: object) -> str:
 
 
 def counted(number: int, what: str) -> str:
-    """Return a number of things as it is shown in messages: "1 particle", "1,204 particles"."""
-    return f"{number:,} {what}{'s' * (number != 1)}"
+    """Return a number of things as it is shown in messages: "1 particle", "1,204 particles", "2 bodies"."""
+    several = what.removesuffix("y") + "ies" if what.endswith("body") else f"{what}s"
+    return f"{number:,} {what if number == 1 else several}"

@@ -19,7 +19,7 @@ from orbits.checks import has_unit, nonzero_number, single_number
 from orbits.diagnostics.convergence import Slope
 from orbits.diagnostics.symplecticity import symplecticity
 from orbits.diagnostics.tangent import plain_step, symplecticity_defect
-from orbits.errors import InputError, IntegrationError, shown
+from orbits.errors import InputError, IntegrationError, counted, shown
 from orbits.integrators import named
 from orbits.integrators.base import MOMENTUM_MAPS, SYMMETRIC, SYMPLECTIC, Integrator
 from orbits.lagrangians.base import CONSTRAINED, NEWTONIAN, SEPARABLE, Lagrangian
@@ -159,11 +159,7 @@ def _of_system(system: System, integrator: Integrator, dt: Any) -> Certificate:
             yield _finding(f"balance: {name}", measured, MOMENTUM_MAPS in integrator.declares, needed=True)
 
     taken = f"; what {few(sorted(set(names)))} takes is left out but for the balances" if names else ""
-    return _certificate(bound, v, f"{_bodies(int(np.sum(massive)))}{many}{taken}", unit, particles, more())
-
-
-def _bodies(count: int) -> str:
-    return f"{count} bod{'y' if count == 1 else 'ies'}"
+    return _certificate(bound, v, f"{counted(int(np.sum(massive)), 'body')}{many}{taken}", unit, particles, more())
 
 
 def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTransformed) -> Certificate:
@@ -192,7 +188,7 @@ def _in_transformed_time(system: System, integrator: Integrator, clock: TimeTran
     problem = Problem(transformed, integrator, clock.step, q, newton.momentum(q, v), 0.0)
     more = [_finding("steps of bodies", steps_in_transformed_time(problem, marcher), None, needed=True)]
     speeds = transformed.velocity(q, problem.p)
-    return _certificate(problem, speeds, _bodies(len(values.gm)), "in transformed time", [], more)
+    return _certificate(problem, speeds, counted(len(values.gm), "body"), "in transformed time", [], more)
 
 
 def _certificate(

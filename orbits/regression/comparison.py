@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from orbits import integrators as methods
 from orbits.body_names import few
 from orbits.elsewhere import NoOthers, unknown_argument
-from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning
+from orbits.errors import InputError, IntegrationError, Interrupted, RetiredWarning, StepWarning, counted
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.legs.leg import available_threads
@@ -293,7 +293,7 @@ def _peer(problem: Problem, peer: Peer, grid: TimeGrid, stages: Stages) -> Sampl
 
     def computed() -> Arrays:
         first = _first_step(problem.start, grid)
-        with stages.under_way(f"{peer.label}: {_bodies(problem)}, {how}", grid.times) as reached:
+        with stages.under_way(f"{peer.label}: {counted(len(problem.names), 'body')}, {how}", grid.times) as reached:
             run = peers.run(peer.name, problem.start, times=grid.times, dt=first, reached=reached, halves=halves)
         cost = {"steps": np.array(run.steps), "wall_s": np.array(run.wall_s)}
         notes = [_IN_HALVES] * halves + list(run.warnings)
@@ -305,10 +305,6 @@ def _peer(problem: Problem, peer: Peer, grid: TimeGrid, stages: Stages) -> Sampl
         return Sampled(peer.label, "peer", note=str(error))
     cost = int(run["steps"]), float(run["wall_s"])
     return Sampled(peer.label, "peer", run["q"], run["v"], *cost, note=as_text(run["warnings"]))
-
-
-def _bodies(problem: Problem) -> str:
-    return f"{len(problem.names):,} bod{'y' if len(problem.names) == 1 else 'ies'}"
 
 
 def _first_step(start: PointMasses, grid: TimeGrid) -> float:
@@ -363,7 +359,7 @@ def _settings(
 
     plain = {key: _plain(value) for key, value in (wanted or {}).items()}
     return {
-        "title": title or f"{_bodies(problem)}, {len(problem.massive_names)} of them massive",
+        "title": title or f"{counted(len(problem.names), 'body')}, {len(problem.massive_names)} of them massive",
         "integrators": [methods.describe(method) for method in ours],
         "dt": None if grid.clock.changes else grid.dt,
         "tolerance": grid.clock.tolerance if isinstance(grid.clock, Adaptive) else None,

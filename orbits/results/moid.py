@@ -25,8 +25,8 @@ def moid(orbit: OrbitalElements, other: OrbitalElements) -> u.Quantity:
         that of the osculating orbits at each sample.
     Returns a distance in the unit of the first orbit, of their common shape, to 1e-14 of the larger orbit; NaN where a
         particle is retired. Pairs in arrays take 0.5 ms each, a single one 2 ms.
-    Raises InputError for elements about another primary, "jacobi", where each body has another one, in another frame
-        or of other shapes, and for lengths beside plain numbers.
+    Raises InputError for elements about another primary, in another frame or of other shapes, for those of different
+        bodies in "jacobi", where each has a primary of its own, and for lengths beside plain numbers.
     """
     for given in (orbit, other):
         if not isinstance(given, OrbitalElements):

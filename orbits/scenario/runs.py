@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from orbits.errors import IntegrationError, Interrupted, OutOfTime, RetiredWarning, StepWarning, with_unit
+from orbits.errors import IntegrationError, Interrupted, OutOfTime, RetiredWarning, StepWarning, counted, with_unit
 from orbits.scenario.definition import MIND, Scenario, slug
 from orbits.scenario.unfinished import COMPLETE, UNFINISHED, looked_at
 
@@ -107,8 +107,8 @@ class Runs:
         runs: dict[str, Trajectory] = {}
         for method in self._scenario.integrators:
             key = name, method.label
-            count = len(self.systems[name])
-            task = f"{name + ', ' if name else ''}{method.label}: {count:,} bod{'y' if count == 1 else 'ies'}"
+            bodies = counted(len(self.systems[name]), "body")
+            task = f"{name + ', ' if name else ''}{method.label}: {bodies}"
             kept = self.kept[key]
             steps = _steps(self.grids[name], self.systems[name])
             say(f"{task}, {_TOLD[kept]} {self.archives[key]}" if kept else f"{task}, {steps}")

@@ -16,7 +16,7 @@ from orbits.archive.schema import resolved
 from orbits.archive.storage import human
 from orbits.body_names import few
 from orbits.checks import checked_choice, is_one_of
-from orbits.errors import ArchiveError, InputError, IntegrationError, StorageError, shown, with_unit
+from orbits.errors import ArchiveError, InputError, IntegrationError, StorageError, counted, shown, with_unit
 from orbits.plotting.words import fitting_time
 from orbits.propagation.marchers import differences
 from orbits.propagation.resuming.recomputing import Compared, recomputed
@@ -181,8 +181,8 @@ def _run(archive: Archive) -> str:
     steps = f"dt = {with_unit(f'{grid.dt:g}', archive.system.units.time)}"
     if grid.clock.changes:
         steps = "steps that are chosen"
-    count = len(archive.system)
-    told = f"holds its checksum: {count:,} bod{'y' if count == 1 else 'ies'}, {made_by(archive)[0].label}, {steps}"
+    bodies = counted(len(archive.system), "body")
+    told = f"holds its checksum: {bodies}, {made_by(archive)[0].label}, {steps}"
     return told if archive.origin is None else f"{told}; scenario {archive.origin}"
 
 
