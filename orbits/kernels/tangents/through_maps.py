@@ -34,7 +34,7 @@ from orbits.kernels.maps.layout import (
     dominant,
     registers_in,
 )
-from orbits.kernels.maps.orbits import change_of_place, change_of_velocity, orbits_of
+from orbits.kernels.maps.orbits import change_of_place, change_of_velocity, kicked, orbits_of
 from orbits.kernels.maps.programs import (
     DRIFT,
     FLOW,
@@ -113,15 +113,12 @@ def follow_map(form, coefficients, tag, parameters, t, h, state, storage, steps,
     for k in range(steps):
         for row in range(motion if ends_with_motion else motion + 1):
             known = _take(method, model, int(program[row, KIND]), program[row, LENGTH], known, vectors, room)
-        if ends_with_motion:
-            copy_rows(room.planets, room.another)
         step(method, model, t, h, state, storage)
+        if ends_with_motion:
+            write_flows(room.planets, carry, scratch, -length if ends_with_kick else 0.0, program[motion, LENGTH], room)
         copy_rows(carry, room.planets)
         if ends_with_motion:
-            if ends_with_kick:
-                kick_planets(room.planets, scratch, -length)
             _move(program[motion, LENGTH], vectors, room)
-            copy_rows(carry, room.planets)
         known = UNKNOWN
         if ends_with_kick:  # where the first kick of the next step is: at the same bits in any block of steps
             _copy_force(scratch, room.scratch)
@@ -239,6 +236,7 @@ def _take(method, model, kind, length, known, vectors, room):
     if kind == DRIFT:
         copy_rows(planets, room.another[: STATE_ROWS * registers_in(planets)])
         take(method, model, kind, length, planets, scratch, scratch, False)
+        write_flows(room.another, planets, scratch, 0.0, length, room)
         _move(length, vectors, room)
         return UNKNOWN
     if kind == FLOW:
@@ -258,8 +256,7 @@ def _copy_force(scratch, copy):
 
 @kernel(inline=True)
 def _move(length, vectors, room):
-    """Advance the vectors through Kepler motions from where `another` has the planets to where they are."""
-    write_flows(room.another, room.planets, room.gm, length, room.flows)
+    """Advance the vectors through the Kepler motions of `write_flows`."""
     for group in range(vectors.shape[0]):
         move_vectors(room.flows, room.mass.shape[0], length, vectors[group])
 
@@ -295,13 +292,18 @@ def _kick_vectors(method, model, kind, length, known, vectors, room):
 
 
 @kernel
-def write_flows(before, planets, gm, h, flows):
-    """Write the `Flow` of each planet in a Kepler motion of h; before, planets : where it began and where it ended."""
-    for register in range(gm.shape[0]):
-        first, rows = STATE_ROWS * register, flows[register]
-        start, end = orbits_of(full(0.0), before[first:]), orbits_of(full(0.0), planets[first:])
+def write_flows(before, after, scratch, kick, h, room):
+    """Write the `Flow` of each planet in a Kepler motion of h.
+
+    before, after : where it began, and where it ended but for a kick by the interaction of `scratch`, which leads back
+    """
+    for register in range(room.gm.shape[0]):
+        first, rows = STATE_ROWS * register, room.flows[register]
+        start, end = orbits_of(full(0.0), before[first:]), orbits_of(full(0.0), after[first:])
+        if kick != 0.0:
+            end = kicked(end, times(kick, load_three(scratch, ROWS * register + FORCE)))
         way, change = change_of_place(start, end), change_of_velocity(start, end)
-        flow = flow_of(start.place, start.velocity, load(gm, register), full(h), way, change)
+        flow = flow_of(start.place, start.velocity, load(room.gm, register), full(h), way, change)
         store_three(rows, 0, flow.place)
         store_three(rows, 3, flow.velocity)
         _store_four(rows, 6, flow.f)
