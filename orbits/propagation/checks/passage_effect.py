@@ -61,11 +61,13 @@ class Effect(NamedTuple):
     error : the position error of the body at the end of the run that the passage causes
     usual : the method's error on an unperturbed orbit over the whole run; infinite if there is no primary
     distance : from the primary, at the end of the run
+    passages : how many such passages cause the error together, if they do not cancel
     """
 
     error: float
     usual: float
     distance: float
+    passages: int = 1
 
     @property
     def spoils(self) -> bool:

@@ -33,7 +33,7 @@ from orbits.propagation.checks.passage_effect import (
 )
 from orbits.propagation.checks.passing_pair import MOST_ANGLE, MOST_ECCENTRICITY, Pair, march_pair
 from orbits.propagation.events.base import RECORD
-from orbits.results.approach import as_error, at_least, two_digits
+from orbits.results.approach import as_error, at_least, said, two_digits
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 
@@ -171,7 +171,7 @@ def too_long(
     """Find whether steps of h are too long for the fastest passage within `span` from now on.
 
     touching : the rules of collisions that are sought: bodies that meet before their pericentre do not pass it
-    Only this passage is known before a run: what it costs is a lower bound, and others may need shorter steps.
+    Only this passage is known before a run: what it costs alone is a lower bound, and others may need shorter steps.
     """
     ahead = passage_ahead(system, integrator, h, span)
     if ahead is None or _meet_before(system, integrator, h, ahead, touching):
@@ -186,7 +186,10 @@ def too_long(
         return
     what = f"the method gets {percent(ahead.share)} of the turn wrong"
     if ahead.caused is not None and ahead.caused.spoils:
-        what = f"that alone puts {name} {at_least(as_error(system, ahead.caused.error))} off by the end of the run"
+        error, count = as_error(system, ahead.caused.error), ahead.caused.passages
+        what = f"that alone puts {name} {at_least(error)} off by the end of the run"
+        if count > 1:
+            what = f"{count:,} such passages put {name} up to about {said(error)} off by the end of the run"
     advice = what_to_do(system, integrator, ahead.enough, "this passage")
     yield Finding(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
@@ -265,8 +268,9 @@ def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, 
     first = effect(integrator, h, pair, left, span)
     if not (pair.is_bound() and pair.orbit.period < abs(left)):
         return first
-    later = effect(integrator, h, pair, 0.5 * left, span).error * abs(left) / pair.orbit.period
-    return first._replace(error=min(max(first.error, later), max(first.error, 2.0 * first.distance)))
+    passages = abs(left) / pair.orbit.period
+    later = min(effect(integrator, h, pair, 0.5 * left, span).error * passages, 2.0 * first.distance)
+    return first._replace(error=later, passages=math.ceil(passages)) if later > first.error else first
 
 
 def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:
