@@ -121,6 +121,17 @@ def test_pericentres_whose_errors_cancel_are_not_told_before_a_run_as_the_least_
     assert known == pytest.approx(bound, rel=0.2)  # 3.0e-5: each pericentre is at a phase of its own
 
 
+def test_passages_that_were_told_are_listed_by_every_call_of_unresolved():
+    """A moon in steps as long as its period: where they lead, partial steps find another pericentre, well resolved."""
+    q = [[0, 0, 0], [-0.5151774248, -0.8841102525, 0], [-0.5150747621, -0.8830949838, 6.804747607e-4]]
+    v = [[0, 0, 0], [0.8651125901, -0.4540437904, 0], [0.7549122555, -0.5059149798, 0.03089232237]]
+    system = orbits.System(["star", "b", "moon"], [1.0, 3.76529211e-5, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    run, (_, after) = told(system, VERLET, 0.005059381117842488, -20.0)
+    first = run.unresolved()
+    assert str(first[0]) in after
+    assert run.unresolved() == first
+
+
 def test_what_a_flyby_causes_does_not_include_the_error_on_the_orbit_about_the_sun(past_venus):
     """In steps of 32 d the pericentre causes 27 km by itself; the planets beside it must not be blamed for that."""
     run, _ = told(past_venus, GAUSS, 32, 2 * u.yr)

@@ -212,7 +212,8 @@ def encounters(
     gm, massive, found = system.values.gm, system.massive, []
     perturbed = massive.sum() > 2 or bool(system.terms) or not integrator.exact_for_two
     followed, together = integrator.in_encounters.follow_particles, integrator.in_encounters.follow_planets
-    for k, passage in enumerate(seen.passages):
+    for k in range(len(seen.passages)):
+        passage = seen.judged(k)
         both = bool(massive[passage.body] and massive[passage.other])
         gone = away is not None and away.include(passage.steps)
         if passage.about is None or (together if both else followed) or gone:
