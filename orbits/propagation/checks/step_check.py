@@ -58,6 +58,9 @@ UNRESOLVED = 0.1
 QUIET = 2e-3
 """Angle per step below which every method of order 2 or more is far below `TOO_LONG`."""
 
+STRAIGHT = 1e-12
+"""A pericentre nearer than this fraction of the distance now, at an angle above `MOST_ANGLE`, is a straight fall."""
+
 SHORTER, TRIALS = 2.0**-0.5, 28
 """Factor by which steps are shortened in the search for a suitable one, and how often: down to a ten-thousandth."""
 
@@ -138,20 +141,23 @@ def passage_ahead(system: System, integrator: Integrator, h: float, span: float)
     row, partner, distance, speed, e = fastest_passage_of(system, span)[:5]
     if row < 0:
         return None
-    softening = system.values.softening
+    h, softening = math.copysign(min(abs(h), abs(span)), h), system.values.softening  # the last step may be a part
     if softening > 0.0:  # it limits the speed, as the potential is 1/softening deep
         mu = float(system.values.gm[row] + system.values.gm[partner])
         now = float(np.linalg.norm(system.values.v[row] - system.values.v[partner]))
         speed = min(speed, math.sqrt(now * now + 2.0 * mu / softening))
     reach = math.hypot(distance, softening)  # no square underflows
-    angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
+    angle = abs(h) * speed / reach if reach > 0.0 else math.inf
+    apart = float(np.linalg.norm(system.values.q[row] - system.values.q[partner]))
+    if angle > MOST_ANGLE and reach < STRAIGHT * apart:
+        angle = math.inf
     if angle < QUIET:
         return None
     if system.values.gm[row] > system.values.gm[partner]:
         row, partner = partner, row
     if not math.isfinite(angle):
         return Ahead(row, partner, distance, angle, 1.0, None, 0.0)
-    share, turn = passage_error(integrator, e, angle)
+    share, turn = passage_error(integrator, e, min(angle, MOST_ANGLE))
     if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
         return None
     pair, start = _ahead(system, row, partner, h, span)
