@@ -124,8 +124,8 @@ class WisdomHolman(Integrator):
     bodies away from the map for good. There is no dense output.
 
     Take at least 16 steps in a full turn at the speed of the fastest pericentre: 3 days for Mercury. Runs warn of
-    pericentres that need more, and of encounters within three Hill radii of a planet, mutual ones of planets, unless
-    they are followed.
+    pericentres that need more, and of encounters within three Hill radii of a planet, mutual ones of planets, or, of
+    massless particles, within their way in a step relative to it, unless they are followed.
 
     Raises InputError for other coordinates, kernels, correctors and answers to encounters, and for a modified or lazy
     kick without a corrector.

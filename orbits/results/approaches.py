@@ -48,10 +48,12 @@ class Approaches(Tabled):
     left_out : number of further passages that are not listed; the listed ones have the largest speed / distance
 
     The list has every flyby within `reach` of a body, every passage that is fast for the step (except pericentres of
-    mildly eccentric orbits), and the closest approach of each body. For a satellite it has only the closest pericentre
-    and those that are fast for the step. Distances and times are as accurate as the orbit: they come from partial steps
-    of the method, taken when they are first needed. Where the motion cannot be computed again, they are as recorded on
-    the way, from the two-body orbit within the step (to about 1e-3): `estimated` says so.
+    mildly eccentric orbits), and the closest approach of each body. For a satellite it has only the closest
+    pericentre and those that are fast for the step, and for a massless particle that a map follows through
+    encounters only the closest of the flybys on its own steps. Distances and times are as accurate as the orbit:
+    they come from partial steps of the method, taken when they are first needed. Where the motion cannot be
+    computed again, they are as recorded on the way, from the two-body orbit within the step (to about 1e-3):
+    `estimated` says so.
 
     With a covariance of a body, its passages have `distance_sigma` and `time_sigma`, and the table these columns.
 

@@ -53,7 +53,8 @@ class Seen:
 
     passages : numbered from 0; errors : the errors at the end of the run that they cause, if known; refined : the
         numbers of those refined to the accuracy of the orbit; estimated : those among them for which that was not
-        possible, so that they are as recorded, from the two-body orbit within the step
+        possible, so that they are as recorded, from the two-body orbit within the step; recorded : the others that
+        were, before
     dominant : number of the body that dominates the system, or -1
     reach : (bodies,), distance within which flybys are listed; end : reading of the clock at the end of the run
     closest : (bodies, 2) numbers of passages, -1 for none: the closest to the dominant body, and to any other body
@@ -70,6 +71,7 @@ class Seen:
         self.left_out, self.end, self._clock = record.left_out, record.end, clock
         self.refined: set[int] = set()
         self.estimated: set[int] = set()
+        self.recorded: dict[int, Passage] = {}
         self.errors: dict[int, float | None] = {}
         self.reach = np.zeros(len(system))
         self.reach[massive] = record.reaches
@@ -80,6 +82,10 @@ class Seen:
     def passages(self) -> list[Passage]:
         """All passages, by their numbers."""
         return self._numbered[0]
+
+    def judged(self, k: int) -> Passage:
+        """Return a passage as recorded, if its states were: steps that do not resolve it do not refine it, either."""
+        return self.recorded.get(k, self.passages[k])
 
     @property
     def closest(self) -> NDArray[np.intp]:

@@ -186,7 +186,7 @@ def test_particles_are_retired_before_what_the_map_cannot_follow_if_asked(tmp_pa
         run = orbits.propagate(start, retiring, samples=9, **options)
     assert set(run.retired.names) == {"crosser", "plunger"}
     reasons = {one.name: one.reason for one in run.retired}
-    assert reasons["crosser"] == "it came within three Hill radii of a planet"
+    assert reasons["crosser"] == "it came within three Hill radii of a planet, or passed it too fast for the step"
     assert reasons["plunger"] == "the step did not resolve its pericentre"
     first = {}
     for passage in plain.unresolved():
@@ -205,6 +205,29 @@ def test_particles_are_retired_before_what_the_map_cannot_follow_if_asked(tmp_pa
     whole = orbits.resume(part.path, until=80 * u.yr, progress=False)
     assert np.array_equal(whole.q[-1], run.q[-1], equal_nan=True)
     assert [one.step for one in whole.retired] == [one.step for one in run.retired]
+
+
+@pytest.mark.parametrize("distance", [0.08, 0.22])
+def test_flybys_of_retrograde_particles_in_less_than_a_step_count_as_encounters(distance):
+    """At 4 and 11 Hill radii of a planet of 2.5e-5, at twice its speed: in steps of 0.08 the way in a step is 0.15."""
+    start = orbits.System.from_elements(
+        {
+            "star": {"gm": 1.0},
+            "b": {"gm": 2.5e-5, "a": 1.0},
+            "p": {"gm": 0.0, "a": 1.0 + distance, "inc": np.pi, "l": 4.03},
+        },
+        units=orbits.DIMENSIONLESS,
+    )
+    options = {"duration": 10.0, "samples": [10.0]}
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        plain = orbits.propagate(start, DEFAULT, dt=0.08, **options)
+        kept = orbits.propagate(start, orbits.WisdomHolman(encounters="retire"), dt=0.08, **options)
+    off = np.linalg.norm(plain["p"].q[-1] - orbits.propagate(start, **options)["p"].q[-1])  # 1.9e-4 and 2e-6
+    assert (off > 1e-5, len(plain.unresolved()) > 0, kept.retired.names) == (
+        (True, True, ("p",)) if distance < 0.15 else (False, False, ())
+    )
+    assert [("too fast for the step" in str(warning.message)) for warning in told] == [True] * 2 * (distance < 0.15)
 
 
 def test_a_pericentre_that_is_not_resolved_is_warned_of_after_the_run_too():

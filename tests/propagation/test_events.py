@@ -400,6 +400,22 @@ def test_the_table_has_dates_units_and_names():
     assert "pericentre of Earth and Sun" in str(run.events["Earth"][0])
 
 
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_argument_of_pericentre_in_the_reference_plane_is_that_of_elements(way):
+    """There Omega is 0: the node is no direction of its own."""
+    system = orbits.System.from_elements(
+        {"star": {"gm": 1.0}, "giant": {"gm": 1e-2, "a": 5.0}, "b": {"gm": 0.0, "a": 1.0, "e": 0.2}},
+        units=orbits.DIMENSIONLESS,
+    )
+    system = system.replaced(v=system.v * [[1.0], [1.0], [way]])
+    found = orbits.propagate(system, duration=20.0, events=ElementCrossing("b", "omega", 1e-3)).events
+    run = orbits.propagate(system, duration=20.0, samples=2001)
+    off = np.sin(run.elements(primary="star")["b"].omega.to_value(u.rad) - 1e-3)
+    before = np.flatnonzero(off[:-1] * off[1:] < 0.0)
+    assert len(found) == len(before) > 0
+    assert np.all(np.abs(found.time - run.t[before] - 0.005) <= 0.005)
+
+
 def test_a_run_without_events_and_one_in_which_none_happens_have_an_empty_table():
     run = orbits.propagate(pair(), duration=1.0)
     assert len(run.events) == 0

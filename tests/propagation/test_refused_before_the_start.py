@@ -244,7 +244,7 @@ def test_particles_that_start_beside_a_planet_are_retired_before_the_first_step(
     assert "m1: " in str(seen[-1].message)
     for one in (run, orbits.resume(run.path, until=3 * u.yr, progress=False)):
         assert {each.name: (each.step, each.reason) for each in one.retired} == dict.fromkeys(
-            ("m0", "m1"), (0, "it came within three Hill radii of a planet")
+            ("m0", "m1"), (0, "it came within three Hill radii of a planet, or passed it too fast for the step")
         )
         assert np.allclose(one.retired["m0"].q.to_value(u.au), start["m0"].q.to_value(u.au), rtol=0, atol=1e-12)
         assert np.isfinite(one.q[0].value).all()

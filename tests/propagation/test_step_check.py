@@ -98,6 +98,20 @@ def test_a_fall_straight_into_a_body_is_told():
     assert "b falls straight into a" in caught(system, VERLET, 0.01, 1.2)[1][0]
 
 
+@pytest.mark.parametrize(("e", "dt"), [(0.9999, 1.0), (0.9999, 1e300), (0.0, 1e7)])
+def test_a_step_of_any_length_past_a_pericentre_is_no_straight_fall(e, dt):
+    (warning,) = caught(two_bodies(e, f=np.pi), VERLET, dt, 4.0)[1]
+    assert f"where planet passes star, at {1 - e:.4g}, a full turn would take" in warning
+
+
+def test_a_step_beyond_the_end_of_the_run_is_judged_by_the_part_that_is_taken():
+    """A sixth of a circle, by Gauss with 8 stages, is right to 1e-11."""
+    system = two_bodies()
+    run, told = caught(system, orbits.Gauss(stages=8), 1e7, 1.0)
+    assert told == []
+    assert np.allclose(run.q[-1, 1].value, [np.cos(1.0), np.sin(1.0), 0.0], rtol=0, atol=1e-10)
+
+
 def test_a_passage_that_the_step_did_not_resolve_is_told_after_the_run_and_one_it_did_is_not():
     """A particle passes a light planet far from the star."""
     system = orbits.System(

@@ -33,7 +33,7 @@ REASONS = {
     NOT_REGULAR: "its equations have no solution there",
     IMPACT: "it merged with a body that it hit",
     TOO_SHORT: "no step is short enough to go on",
-    NEAR_A_PLANET: "it came within three Hill radii of a planet",
+    NEAR_A_PLANET: "it came within three Hill radii of a planet, or passed it too fast for the step",
     NOT_RESOLVED: "the step did not resolve its pericentre",
     HIT: "it hit {}",
     EJECTED: "it was ejected",

@@ -1,7 +1,8 @@
 """The passages that a method cannot follow which moves bodies on Kepler orbits about a dominant one.
 
-Within three Hill radii of a planet, a body is not near a Kepler orbit about the dominant one; and steps that do not
-resolve a pericentre are in resonance with it.
+Within three Hill radii of a planet, a body is not near a Kepler orbit about the dominant one; steps that do not resolve
+a pericentre are in resonance with it; and the kicks on the way past a planet, at `ways` times the way in a step, add up
+to its attraction but for a fraction exp(-2 pi ways): of a retrograde particle at a few Hill radii, to nothing like it.
 
 Source: Rauch & Holman (1999), AJ 117, 1087; Wisdom (2015), AJ 150, 127.
 """
@@ -27,6 +28,10 @@ FOLLOWED = 4.0
 
 PLANET_WAYS = 1.0
 """Of the way in a step of two planets relative to each other, the multiple within which a passage is an encounter."""
+
+FLYBY = 16.0
+"""The angle of a step, times the steps in a full turn that resolve a pericentre, above which it does not resolve the
+flyby of a planet by a massless particle: a passage at less than the way in a step, where there are 16 of these."""
 
 SPARED = 1e-12
 """The error of the attraction by a planet on the way past it, as a fraction of that by the dominant body, up to which
@@ -59,8 +64,7 @@ def near_a_planet(q: Array, planets: Array, gm: Array, dominant: float) -> NDArr
 def near_planets(gm: Array, dominant: int) -> Array:
     """Return what decides which passages of planets massless particles take by steps of their own, (2, n): see
     `orbits.kernels.search.encounters_of_particles.Rules`. The kicks on the way past a planet of mass m, at `ways` times
-    the way in a step, add up to its attraction but for a fraction exp(-2 pi ways): `SPARED` of that of the dominant
-    body.
+    the way in a step, add up to its attraction but for `SPARED` of that of the dominant body.
     """
     share = gm / gm[dominant]
     ways = np.maximum(np.log(share / SPARED), 0.0) / (2.0 * math.pi)
@@ -89,6 +93,14 @@ def is_unresolved(h: float, distance: Any, speed: Any, enough: int) -> Any:
     arrays.
     """
     return abs(h) * speed > 2.0 * math.pi / enough * distance
+
+
+def is_too_fast(h: float, distance: Any, speed: Any, enough: int) -> Any:
+    """Return whether steps of h do not resolve flybys of planets by massless particles, numbers or arrays.
+
+    enough : the steps in a full turn that resolve a passage of the dominant body
+    """
+    return abs(h) * speed > FLYBY / enough * distance
 
 
 class Meeting(NamedTuple):
@@ -127,9 +139,10 @@ def lost_in(
     if not len(rows):
         return None
     mate, least = rows[:, MATE].astype(int), np.sqrt(rows[:, LEAST2])
-    central = mate == dominant
-    close = ~central & (least < reach(rows[:, ABOUT : ABOUT + 3], gm[mate], gm[dominant]))
-    sharp = central & is_unresolved(h, least, np.sqrt(rows[:, FASTEST2]), enough)
+    central, speed = mate == dominant, np.sqrt(rows[:, FASTEST2])
+    near = least < reach(rows[:, ABOUT : ABOUT + 3], gm[mate], gm[dominant])
+    close = ~central & (near | is_too_fast(h, least, speed, enough))
+    sharp = central & is_unresolved(h, least, speed, enough)
     rows, close = rows[close | sharp], close[close | sharp]
     if not len(rows):
         return None

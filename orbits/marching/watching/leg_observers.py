@@ -24,7 +24,7 @@ from orbits.kernels.search.record import QUANTITIES, REACH, enter_passage, note_
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
 from orbits.marching.clocks.constant import Clock
 from orbits.marching.stepping.alignment import unwritten
-from orbits.marching.watching.kepler_passages import HILL_RADII
+from orbits.marching.watching.kepler_passages import FLYBY, HILL_RADII
 from orbits.marching.watching.passage_list import BlockList
 
 TOUCHED, ENERGY, SUSPECT = -2, -1, 0
@@ -67,8 +67,9 @@ def limits_of(integrator: Integrator, clock: Clock, sees_dominant: bool) -> tupl
     sees_dominant : whether all pericentres about the dominant body are to be seen, as particles may fall on it
     """
     if integrator.follows_kepler:
-        # All flybys within the reach of a planet, and all pericentres that steps do not resolve.
-        return math.inf, 0.0, 2.0 * math.pi / integrator.least_steps
+        # All flybys within the reach of a planet, and all flybys and pericentres that steps do not resolve.
+        fast = math.inf if integrator.in_encounters.follow_particles else FLYBY / integrator.least_steps
+        return fast, 0.0, 2.0 * math.pi / integrator.least_steps
     if sees_dominant:
         return math.inf, 0.0, 0.0
     return clock.passage_limits or thresholds(integrator.order)

@@ -24,7 +24,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
-from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach
+from orbits.marching.watching.kepler_passages import HILL_RADII, is_too_fast, is_unresolved, near_a_planet, reach
 from orbits.propagation.checks.crossing_orbits import close_pairs, orbits_of_planets
 from orbits.propagation.checks.leg_of_run import LegOfRun, listed_in
 from orbits.propagation.checks.step_check import in_digits, rounded_down
@@ -206,12 +206,14 @@ def encounters(
     system: System, integrator: Integrator, h: float, seen: Seen, away: Excursions | None = None
 ) -> list[int]:
     """Return the numbers of the passages that the method could not follow in steps of h, the worst first: within
-    `HILL_RADII` of a planet, and at a pericentre that the step did not resolve; but for those on excursions, `away`.
+    `HILL_RADII` of a planet, and at a pericentre, or a particle's flyby, that the step did not resolve; but for those
+    on excursions, `away`.
     """
     gm, massive, found = system.values.gm, system.massive, []
     perturbed = massive.sum() > 2 or bool(system.terms) or not integrator.exact_for_two
     followed, together = integrator.in_encounters.follow_particles, integrator.in_encounters.follow_planets
-    for k, passage in enumerate(seen.passages):
+    for k in range(len(seen.passages)):
+        passage = seen.judged(k)
         both = bool(massive[passage.body] and massive[passage.other])
         gone = away is not None and away.include(passage.steps)
         if passage.about is None or (together if both else followed) or gone:
@@ -223,7 +225,8 @@ def encounters(
                 found.append((passage.distance / abs(h * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
-        if passage.distance < near:
+        fast = is_too_fast(h, passage.distance, passage.speed, integrator.least_steps)
+        if passage.distance < near or (fast and not both):
             found.append((passage.distance / near, k))
     return [k for _, k in sorted(found)]
 
@@ -240,7 +243,8 @@ def not_followed(run: Trajectory | LegOfRun, seen: Seen) -> Iterator[Finding]:
             seen,
             "encounters not followed",
             flybys,
-            f"cannot follow close encounters, within {HILL_RADII:.0f} Hill radii, and had {some}{len(flybys):,},",
+            f"cannot follow close encounters, within {HILL_RADII:.0f} Hill radii or too fast for the step, and had "
+            f"{some}{len(flybys):,},",
             [str(Approach.of(run.system, run.clock, seen.passages[k], None)) for k in flybys[:SHOWN]],
         )
     if central:

@@ -1,7 +1,8 @@
 """The effect of a close passage on the rest of a run.
 
 The bodies of the passage are marched through it, with the method, step and phase of the run, and compared with the
-exact motion. The difference is propagated along the orbit about the primary to the end of the run: a passage is judged
+exact motion, from the start of the run at the earliest: one that starts near a pericentre keeps the error of half a
+passage. The difference is propagated along the orbit about the primary to the end of the run: a passage is judged
 by the position error that it causes there. The primary is the other body if the two are bound to each other, else the
 body that dominates the system.
 
@@ -60,11 +61,13 @@ class Effect(NamedTuple):
     error : the position error of the body at the end of the run that the passage causes
     usual : the method's error on an unperturbed orbit over the whole run; infinite if there is no primary
     distance : from the primary, at the end of the run
+    passages : how many such passages cause the error together, if they do not cancel
     """
 
     error: float
     usual: float
     distance: float
+    passages: int = 1
 
     @property
     def spoils(self) -> bool:
@@ -105,8 +108,9 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
     half = min(RADIANS / rate, 0.5 * period) if rate > 0.0 else abs(h)
     steps = max(2, math.ceil(half / abs(h)))
     after = steps + 1
-    if scale == 1.0 and left * h > 0.0:  # not beyond the end of the run
+    if scale == 1.0 and left * h > 0.0:  # not beyond the end of the run, nor before its start
         after = max(1, min(after, math.ceil(left / h)))
+        steps = max(0, min(steps, round((span - left) / h)))
     end = after * h
     exact = pair.after(end)
     try:

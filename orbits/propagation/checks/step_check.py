@@ -33,7 +33,7 @@ from orbits.propagation.checks.passage_effect import (
 )
 from orbits.propagation.checks.passing_pair import MOST_ANGLE, MOST_ECCENTRICITY, Pair, march_pair
 from orbits.propagation.events.base import RECORD
-from orbits.results.approach import as_error, at_least, two_digits
+from orbits.results.approach import as_error, at_least, said, two_digits
 from orbits.system.rigid_body import RIGID
 from orbits.time_grid import fastest_passage_of
 
@@ -57,6 +57,9 @@ UNRESOLVED = 0.1
 
 QUIET = 2e-3
 """Angle per step below which every method of order 2 or more is far below `TOO_LONG`."""
+
+STRAIGHT = 1e-12
+"""A pericentre nearer than this fraction of the distance now, at an angle above `MOST_ANGLE`, is a straight fall."""
 
 SHORTER, TRIALS = 2.0**-0.5, 28
 """Factor by which steps are shortened in the search for a suitable one, and how often: down to a ten-thousandth."""
@@ -138,20 +141,23 @@ def passage_ahead(system: System, integrator: Integrator, h: float, span: float)
     row, partner, distance, speed, e = fastest_passage_of(system, span)[:5]
     if row < 0:
         return None
-    softening = system.values.softening
+    h, softening = math.copysign(min(abs(h), abs(span)), h), system.values.softening  # the last step may be a part
     if softening > 0.0:  # it limits the speed, as the potential is 1/softening deep
         mu = float(system.values.gm[row] + system.values.gm[partner])
         now = float(np.linalg.norm(system.values.v[row] - system.values.v[partner]))
         speed = min(speed, math.sqrt(now * now + 2.0 * mu / softening))
     reach = math.hypot(distance, softening)  # no square underflows
-    angle = abs(h) * speed / reach if reach > abs(h) * speed / MOST_ANGLE else math.inf
+    angle = abs(h) * speed / reach if reach > 0.0 else math.inf
+    apart = float(np.linalg.norm(system.values.q[row] - system.values.q[partner]))
+    if angle > MOST_ANGLE and reach < STRAIGHT * apart:
+        angle = math.inf
     if angle < QUIET:
         return None
     if system.values.gm[row] > system.values.gm[partner]:
         row, partner = partner, row
     if not math.isfinite(angle):
         return Ahead(row, partner, distance, angle, 1.0, None, 0.0)
-    share, turn = passage_error(integrator, e, angle)
+    share, turn = passage_error(integrator, e, min(angle, MOST_ANGLE))
     if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
         return None
     pair, start = _ahead(system, row, partner, h, span)
@@ -171,7 +177,7 @@ def too_long(
     """Find whether steps of h are too long for the fastest passage within `span` from now on.
 
     touching : the rules of collisions that are sought: bodies that meet before their pericentre do not pass it
-    Only this passage is known before a run: what it costs is a lower bound, and others may need shorter steps.
+    Only this passage is known before a run: what it costs alone is a lower bound, and others may need shorter steps.
     """
     ahead = passage_ahead(system, integrator, h, span)
     if ahead is None or _meet_before(system, integrator, h, ahead, touching):
@@ -186,7 +192,10 @@ def too_long(
         return
     what = f"the method gets {percent(ahead.share)} of the turn wrong"
     if ahead.caused is not None and ahead.caused.spoils:
-        what = f"that alone puts {name} {at_least(as_error(system, ahead.caused.error))} off by the end of the run"
+        error, count = as_error(system, ahead.caused.error), ahead.caused.passages
+        what = f"that alone puts {name} {at_least(error)} off by the end of the run"
+        if count > 1:
+            what = f"{count:,} such passages put {name} up to about {said(error)} off by the end of the run"
     advice = what_to_do(system, integrator, ahead.enough, "this passage")
     yield Finding(
         f"dt = {in_digits(abs(h), units.time, 6)} is too long for {integrator.label}: where {name} passes {other}, at "
@@ -265,8 +274,9 @@ def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, 
     first = effect(integrator, h, pair, left, span)
     if not (pair.is_bound() and pair.orbit.period < abs(left)):
         return first
-    later = effect(integrator, h, pair, 0.5 * left, span).error * abs(left) / pair.orbit.period
-    return first._replace(error=min(max(first.error, later), max(first.error, 2.0 * first.distance)))
+    passages = abs(left) / pair.orbit.period
+    later = min(effect(integrator, h, pair, 0.5 * left, span).error * passages, 2.0 * first.distance)
+    return first._replace(error=later, passages=math.ceil(passages)) if later > first.error else first
 
 
 def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:

@@ -67,7 +67,7 @@ def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
 def _effect(run: Trajectory | LegOfRun, seen: Seen, k: int) -> Effect | None:
     if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
         return None
-    passage, end = seen.passages[k], _end(run, seen)
+    passage, end = seen.judged(k), _end(run, seen)
     pair = Pair.of(passage, run.system, run.clock, seen.dominant)
     return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
 
@@ -104,8 +104,8 @@ def _in_doubt(run: Trajectory | LegOfRun, seen: Seen, end: float) -> dict[int, f
     """
     pairs: dict[frozenset[int], dict[int, float]] = {}
     least: dict[frozenset[int], float] = {}
-    for k, passage in enumerate(seen.passages):
-        bound, noticed = _most(run, seen, passage, end)
+    for k in range(len(seen.passages)):
+        bound, noticed = _most(run, seen, seen.judged(k), end)
         if bound > 0.0:
             of = _pair_of(seen, k)
             pairs.setdefault(of, {})[k] = bound
@@ -117,7 +117,7 @@ def _spoils(run: Trajectory | LegOfRun, seen: Seen, k: int, caused: Effect) -> b
     """Return whether a single passage spoils a run; without a primary, whether its deflection is wrong."""
     if math.isfinite(caused.usual):
         return caused.spoils
-    pair = Pair.of(seen.passages[k], run.system, run.clock, seen.dominant)
+    pair = Pair.of(seen.judged(k), run.system, run.clock, seen.dominant)
     assert pair is not None
     share, turn = passage_error(run.integrator, *pair.shape(run.step))
     return share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable

@@ -130,6 +130,8 @@ def _keep(seen: Seen, numbers: Sequence[int], found: Sequence[Passage]) -> None:
     """Replace passages by what was found, if it is known."""
     for k, one in zip(numbers, found, strict=True):
         if math.isfinite(one.distance) and math.isfinite(one.speed):
+            if seen.passages[k].state is not None:
+                seen.recorded.setdefault(k, seen.passages[k])
             seen.passages[k] = one
             seen.estimated.discard(k)
             seen.refined.add(k)

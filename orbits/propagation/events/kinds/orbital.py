@@ -198,5 +198,6 @@ class Element(PairBound):
         if self._element == "Omega":
             return -hy, hx
         node = -hy[..., None] * self._axes[0] + hx[..., None] * self._axes[1]
+        node = np.where(((hx == 0.0) & (hy == 0.0))[..., None], self._axes[0], node)  # as in elements, Omega is then 0
         ecc = np.cross(v, h) / self._mu - q / r[..., None]
         return dot(ecc, node), dot(ecc, np.cross(h, node)) / size
