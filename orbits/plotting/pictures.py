@@ -90,7 +90,7 @@ def plot_trajectory(
     bodies : all by default; if there are many, massless ones, and all but the 200 most massive ones, are shown as a
         cloud of points at the end of the run
     frame : as in `plot_system`
-    Bodies that merge into another one, or are retired, end in the picture where they do. Raises InputError for a run
+    The line of a body that merges into another one, or is retired, ends at its last sample. Raises InputError for a run
     without samples, and for bodies that are in none of them; UnknownNameError for a frame or body that does not exist.
     """
     system = run.system

@@ -226,6 +226,7 @@ def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
     assert np.allclose(drawn, np.linalg.norm((run["planet"].q - exact["planet"].q).value, axis=1)[1:])
     largest = line_of(energy, "energy").get_data()[1]
     assert largest[-1] == pytest.approx(run.drift().energy.max_fraction)
+    assert line_of(energy, "energy").get_label() == "energy, |ΔE/E|"  # without its sign
     dotted = [line for line in energy.lines if line.get_linestyle() == ":"]
     slopes = [np.polyfit(*np.log(line.get_data()), 1)[0] for line in dotted]
     assert slopes == pytest.approx([0.5, 1.0])
