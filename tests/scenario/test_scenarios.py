@@ -565,6 +565,31 @@ def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
     assert outcome.failures == ("pigs fly: 0 of 3",)
 
 
+@each(
+    ("given", "message"),
+    [
+        (("a < b", "0.5"), r"ok of Check\('a < b', \.\.\.\) is '0.5'; expected True or False"),
+        (("a < b", np.nan), "is nan; expected True or False"),
+        (("a < b", np.array([True, False])), r"is array\(\[ True, False\]\); expected True or False"),
+        ((True, "a < b"), r"the claim of a Check is True; expected a text: Check\(claim, ok, \.\.\.\)"),
+    ],
+)
+def test_a_check_holds_if_it_is_true_and_not_if_it_is_anything_else(given, message):
+    with pytest.raises(InputError, match=message):
+        Check(*given)
+
+
+def test_what_a_check_measured_may_have_a_unit(tmp_path):
+    outcome = perform(pair(checks=lambda outcome: Check("it is near", True, 3 * u.km)), out=tmp_path, plot=False)
+    assert json.loads((tmp_path / "report.json").read_text())["checks"][0]["measured"] == "3.0 km"
+    assert outcome.ok
+
+
+def test_a_function_that_takes_other_arguments_is_not_said_to_be_a_line_of_this_package(tmp_path):
+    with pytest.raises(InputError, match=r"^in a function of the scenario: TypeError: .* takes 0 positional arguments"):
+        perform(pair(checks=lambda: ["none"]), out=tmp_path, plot=False)
+
+
 def test_an_error_in_the_scenarios_own_code_names_file_and_line(tmp_path):
     def draw(outcome):
         raise ZeroDivisionError("nothing to draw")
