@@ -260,15 +260,27 @@ def step_that_resolves(integrator: Integrator, h: float, pair: Pair, left: float
 def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
     """Return the effect on a run of the next pericentre and, for a bound pair, of all later ones.
 
-    On average the later ones have half of the remaining time. Those of a symplectic method each leave the same error of
-    phase and direction, seen where the run ends in the revolution; what they do to the energy does not add up.
+    On average the later ones have half of the remaining time.
     """
-    first, period = effect(integrator, h, pair, left, span), pair.orbit.period
-    if not (pair.is_bound() and period < abs(left)):
+    first = effect(integrator, h, pair, left, span)
+    if not (pair.is_bound() and pair.orbit.period < abs(left)):
         return first
-    rest = math.copysign(period, left) + math.fmod(left, period) if SYMPLECTIC in integrator.declares else 0.5 * left
-    later = effect(integrator, h, pair, rest, span).error * abs(left) / period
+    rest = seen_for(integrator, pair, left) if SYMPLECTIC in integrator.declares else 0.5 * left
+    later = effect(integrator, h, pair, rest, span).error * abs(left) / pair.orbit.period
     return first._replace(error=min(max(first.error, later), max(first.error, 2.0 * first.distance)))
+
+
+def seen_for(integrator: Integrator, pair: Pair, left: float) -> float:
+    """Return for how long the error of one of many passages is seen, in which it adds up to those of the others.
+
+    left : time to the end of the run
+    At its pericentres a symplectic method leaves the same error of phase and direction each time, seen where the run
+    ends in the revolution; what it does to the energy does not add up.
+    """
+    period = pair.orbit.period
+    if not (SYMPLECTIC in integrator.declares and pair.is_bound() and period < abs(left)):
+        return left
+    return math.copysign(period, left) + math.fmod(left, period)
 
 
 def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:
