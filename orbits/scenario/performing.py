@@ -121,8 +121,9 @@ def _plan(scenario: Scenario, systems: Mapping[str, System], grids: Mapping[str,
 
     grid, unit = next(iter(grids.values())), next(iter(systems.values())).units.time
     factor, fitting = fitting_time(grid.end, unit)
-    most = max(len(each) for each in systems.values())
-    bodies = f"{len(systems)} cases of " * (len(systems) > 1) + ("1 body" if most == 1 else f"{most:,} bodies")
+    sizes = {len(each) for each in systems.values()}
+    cases = f"{len(systems)} cases of {'up to ' * (len(sizes) > 1)}" * (len(systems) > 1)
+    bodies = cases + counted(max(sizes), "body")
     then = ["comparison with " + ", ".join(scenario.against)] * bool(scenario.against)
     then += ["checks"] * (scenario.checks is not None) + ["pictures"] * plot
     after = f"; then {', '.join(then)}" if then else ""

@@ -565,6 +565,13 @@ def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
     assert outcome.failures == ("pigs fly: 0 of 3",)
 
 
+def test_the_plan_of_cases_of_several_sizes_does_not_give_all_the_largest(tmp_path):
+    one, said = pair().system, []
+    cases = {"one": one, "two": one.add("grain", primary="star", a=2.0)}
+    perform(pair(system=cases, duration=0.1), out=tmp_path, plot=False, say=said.append)
+    assert said[0].startswith("2 cases of up to 3 bodies, over 0.1")
+
+
 @each(
     ("given", "message"),
     [
