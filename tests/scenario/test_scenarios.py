@@ -717,6 +717,8 @@ def test_a_tolerance_is_typed_as_a_methods_stages_are():
     assert step_or_clock("adaptive:1e-8", "--dt") == orbits.Adaptive(tolerance=1e-8)
     assert step_or_clock("6 d", "--dt") == 6 * u.day
     assert step_or_clock("P/20", "--dt") == "P/20"
+    with pytest.raises(InputError, match=r"--dt = 'p/20'; expected .*; or a fraction of the shortest period, P/20; or"):
+        step_or_clock("p/20", "--dt")
 
 
 @pytest.mark.parametrize("text", ["transformed:0.2", "Transformed : 0.2", "transformed(step=0.2)", "transformed(0.2)"])
