@@ -131,6 +131,8 @@ def test_the_upper_edge_of_a_time_axis_has_the_years_of_the_calendar(kepler):
     low, high = upper.get_xlim()
     assert low < 2000.0 < 2100.0 < high
     assert upper.get_xlabel() == "year"
+    top = max(label.get_window_extent().y1 for label in upper.get_xticklabels() if label.get_text())
+    assert upper.xaxis.label.get_window_extent().y0 > top
 
 
 def test_a_line_is_interrupted_where_its_angle_goes_over_the_edge():
