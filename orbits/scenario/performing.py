@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
@@ -38,7 +39,7 @@ Say = Callable[[str], None]
 def perform(
     scenario: Scenario,
     *,
-    out: Path | None = ...,
+    out: str | os.PathLike[str] | None = ...,
     plot: bool = ...,
     progress: bool | None = ...,
     say: Say = ...,
@@ -49,7 +50,7 @@ def perform(
 def perform(
     scenario: Study,
     *,
-    out: Path | None = ...,
+    out: str | os.PathLike[str] | None = ...,
     plot: bool = ...,
     progress: bool | None = ...,
     say: Say = ...,
@@ -57,7 +58,7 @@ def perform(
 def perform(
     scenario: Scenario | Study,
     *,
-    out: Path | None = None,
+    out: str | os.PathLike[str] | None = None,
     plot: bool = True,
     progress: bool | None = None,
     say: Say = lambda text: None,

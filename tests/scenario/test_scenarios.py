@@ -586,6 +586,10 @@ def test_a_check_holds_if_it_is_true_and_not_if_it_is_anything_else(given, messa
         Check(*given)
 
 
+def test_the_folder_of_results_may_be_a_text(tmp_path):
+    assert perform(pair(), out=str(tmp_path / "here"), plot=False).folder == tmp_path / "here"
+
+
 def test_what_a_check_measured_may_have_a_unit(tmp_path):
     outcome = perform(pair(checks=lambda outcome: Check("it is near", True, 3 * u.km)), out=tmp_path, plot=False)
     assert json.loads((tmp_path / "report.json").read_text())["checks"][0]["measured"] == "3.0 km"
