@@ -78,6 +78,8 @@ def perform(
     OutOfTime when the wall time is over: if the scenario is run again, the first run goes on where it was. An exceeded
     tolerance raises no error; it makes `outcome.ok` False.
     """
+    if not isinstance(scenario, Scenario | Study):
+        raise InputError(f"perform got {shown(scenario)}; expected a scenario, such as orbits.scenario.load('kepler').")
     folder = results_folder(out or Path("results") / scenario.name)
     if isinstance(scenario, Study):
         return _perform_study(scenario, folder, plot, say)

@@ -590,6 +590,11 @@ def test_the_folder_of_results_may_be_a_text(tmp_path):
     assert perform(pair(), out=str(tmp_path / "here"), plot=False).folder == tmp_path / "here"
 
 
+def test_the_name_of_a_scenario_is_no_scenario():
+    with pytest.raises(InputError, match=r"got 'kepler'; expected a scenario, such as orbits\.scenario\.load"):
+        perform("kepler")
+
+
 def test_what_a_check_measured_may_have_a_unit(tmp_path):
     outcome = perform(pair(checks=lambda outcome: Check("it is near", True, 3 * u.km)), out=tmp_path, plot=False)
     assert json.loads((tmp_path / "report.json").read_text())["checks"][0]["measured"] == "3.0 km"
