@@ -83,12 +83,14 @@ def plot_error(
         for (name, values), colour in zip(series.items(), (style.BLUE, style.VERMILION), strict=False):
             change = np.abs(values[later])
             axes.plot(t, change, lw=0.7, alpha=0.45, color=colour)
-            axes.plot(t, np.maximum.accumulate(change), lw=2.2, color=colour, label=name)
+            size = name.replace("ΔE/|E|", "|ΔE/E|")
+            axes.plot(t, np.maximum.accumulate(change), lw=2.2, color=colour, label=size)
         down_to_rounding(axes)
-        _slopes(axes, t, float(np.abs(next(iter(series.values()))[later]).max()), (0.5, 1.0))
+        end = float(np.abs(next(iter(series.values()))[later]).max())
+        _slopes(axes, t, end, (0.5, 1.0))
         axes.set_title("energy and angular momentum")
         axes.set_ylabel("relative change")
-        told += [THICK, OF_ROUNDING, SLOPES]
+        told += [THICK, OF_ROUNDING, *[SLOPES] * (end > 0.0)]
     if positions is not None:
         axes = _logarithmic(panels.pop(0))
         told += _draw_positions(axes, run, positions[later], chosen, t)

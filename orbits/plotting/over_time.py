@@ -370,7 +370,7 @@ def years(axes: Axes, run: Run, t: Array) -> None:
     upper.tick_params(labelsize=12, colors=style.GREY)
     upper.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
     upper.spines["top"].set_visible(False)
-    upper.set_xlabel("year", fontsize=12, color=style.GREY, labelpad=2.0)
+    upper.set_xlabel("year", fontsize=12, color=style.GREY, labelpad=4.0)
 
 
 def heading(run: Run, known: Histories) -> str:

@@ -90,7 +90,7 @@ def plot_trajectory(
     bodies : all by default; if there are many, massless ones, and all but the 200 most massive ones, are shown as a
         cloud of points at the end of the run
     frame : as in `plot_system`
-    Bodies that merge into another one, or are retired, end in the picture where they do. Raises InputError for a run
+    The line of a body that merges into another one, or is retired, ends at its last sample. Raises InputError for a run
     without samples, and for bodies that are in none of them; UnknownNameError for a frame or body that does not exist.
     """
     system = run.system
@@ -253,10 +253,8 @@ def map_axes(axes: Axes, system: State, frame: str | None = None, origin: str = 
     frame = system.frame if frame is None else frame.lower()
     where = FRAMES[frame] if frame != "system" else ""
     axes.set_aspect("equal", adjustable="datalim")
-    limits = (*axes.get_xlim(), *axes.get_ylim())
-    power = 3 * int(np.floor(np.log10(max(map(abs, limits))) / 3))
-    if -3 <= power <= 3:
-        power = 0
+    farthest = max(map(abs, (*axes.get_xlim(), *axes.get_ylim())))
+    power = 0 if 0.1 <= farthest < 1e5 else 3 * int(np.floor(np.log10(farthest) / 3))  # longer numbers would overlap
     unit = " ".join(part for part in (words.power_of_ten(power), unit) if part)
     for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
         label = ", ".join(part for part in (name, where, origin) if part)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from astropy import units as u
 
 from orbits.plotting import style
+from orbits.plotting.words import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,12 +27,13 @@ def of_fit(fit: Any) -> Figure:
     for panel, name in zip(panels, planets, strict=False):
         rows = transits[transits["planet"] == name]
         _panel(panel, rows, rows["o_minus_c"], u.min)
-        panel.set_ylabel(f"{name} [min]")
+        panel.set_ylabel(f"{short(name)} [min]")
     if fit.velocities is not None:
         _panel(panels[-1], velocities, velocities["velocity"], u.m / u.s)
         panels[-1].set_ylabel("radial velocity [m/s]")
+    star = short(fit.system.names[0])
     words = f"chi-squared {fit.chi2:.1f} with {fit.degrees_of_freedom:,} degrees of freedom"
-    panels[0].set_title(f"{fit.system.names[0]}: measured less a linear ephemeris; {words}" if planets else words)
+    panels[0].set_title(f"{star}: measured less a linear ephemeris; {words}" if planets else words)
     panels[-1].set_xlabel("year")
     return figure
 

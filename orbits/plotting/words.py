@@ -33,10 +33,14 @@ TIMES = ((u.s, 0.0), (u.min, 2.0), (u.h, 3.0), (u.d, 3.0), (u.yr, 3.0), (u.kyr, 
 
 
 def short(name: str) -> str:
-    """Return a name shortened for a label to at most 28 characters, keeping both ends."""
+    """Return a name shortened for a label to at most 28 characters, keeping both ends.
+
+    Matplotlib leaves labels that begin with "_" out of legends, and reads what is between two "$" as a formula.
+    """
     name = SHORT_NAMES.get(name, name)
     keep = (LONGEST_NAME - 1) // 2
-    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1 - keep]}…{name[-keep:]}"
+    name = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1 - keep]}…{name[-keep:]}"
+    return (" " * name.startswith("_") + name).replace("$", r"\$")
 
 
 def in_prose(name: str) -> str:

@@ -280,8 +280,9 @@ def _particles(source: Any, index: int, time: float | None) -> Particles:
         )
     if time is not None and index != -1:
         raise InputError("snapshot and time are both given; expected one of them.")
-    if time is not None and (isinstance(time, bool) or not isinstance(time, int | float)):
+    if time is not None and not (is_whole(time) or isinstance(time, float | np.floating)):
         raise InputError(f"time is {shown(time)}; expected a plain number, t as the simulation counts it.")
+    index, time = int(index), None if time is None else float(time)
     if isinstance(source, rebound.Simulationarchive):
         return _readable(lambda: snapshots.of_opened(source, index=index, time=time), source)
     if isinstance(source, str | os.PathLike):

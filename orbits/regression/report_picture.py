@@ -44,7 +44,8 @@ def picture(report: Report) -> Figure:
     unit = f" [{report.length_unit}]" if report.length_unit else ""
     measured = f"position error{unit}, {report.followed}"
     headline = measured if report.reference else "position error (no reference solution)"
-    of = "" if set(report.massive) == set(report.names) else " of the massive bodies"
+    which = "massive bodies" if len(report.massive) > 1 else "worst massless body"  # as `Invariants` measures
+    of = "" if set(report.massive) == set(report.names) else f" of the {which}"
     _panel(axes["position"], times, rows, "position", headline)
     _panel(axes["energy"], times, rows, "energy", f"energy{of}, |ΔE/E|")
     _panel(axes["momentum"], times, rows, "angular_momentum", f"angular momentum{of}, |ΔL|/|L|")

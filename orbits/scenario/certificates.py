@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,7 +56,7 @@ def certify_scenario(
     *,
     dt: Any = None,
     integrator: Any = None,
-    out: Path | None = None,
+    out: str | os.PathLike[str] | None = None,
     say: Callable[[str], None] = lambda text: None,
 ) -> CertifyOutcome:
     """Certify every method of a scenario on all of its systems, or the entries of a study's `certifies`.

@@ -98,6 +98,9 @@ Beat = Annotated[
 @contextmanager
 def guarded() -> Iterator[None]:
     """End the process with errors on one line, and exit code 2 for wrong use, 1 for a failure, 130 after a signal."""
+    for stream in ("stdout", "stderr"):
+        if getattr(sys, stream) is None:  # closed, as by >&-: what is opened next would get its number
+            setattr(sys, stream, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w", encoding="utf-8"))
     if isinstance(sys.stdout, TextIOWrapper) and not sys.stdout.encoding.lower().startswith("utf"):
         sys.stdout.reconfigure(errors="replace")  # a terminal that cannot show a letter gets the others
     try:

@@ -32,11 +32,22 @@ MIND = "mind: "
 
 @dataclass(frozen=True)
 class Check:
-    """A requirement of a scenario beyond its tolerances: a claim, whether it holds, and the measured value."""
+    """A requirement of a scenario beyond its tolerances: a claim, whether it holds, and the measured value.
+
+    Raises InputError for a claim that is no text, and unless `ok` is True or False.
+    """
 
     claim: str
     ok: bool
     measured: str = ""
+
+    def __post_init__(self) -> None:
+        from orbits.checks import checked_flag  # imports NumPy, which the start of the command line avoids
+
+        if not isinstance(self.claim, str):
+            raise InputError(f"the claim of a Check is {shown(self.claim)}; expected a text: Check(claim, ok, ...).")
+        object.__setattr__(self, "ok", checked_flag(self.ok, f"ok of Check({shown(self.claim)}, ...)"))
+        object.__setattr__(self, "measured", str(self.measured))
 
     @property
     def failure(self) -> str:

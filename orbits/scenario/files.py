@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from contextlib import suppress
 from pathlib import Path
 
 from orbits.errors import InputError, StorageError
 
 
-def results_folder(path: Path) -> Path:
+def results_folder(path: str | os.PathLike[str]) -> Path:
     """Make the folder if it does not exist. Raises InputError if that fails."""
+    path = Path(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:

@@ -83,7 +83,7 @@ def executed(path: Path) -> ModuleType:
 def located(path: Path | None = None) -> Iterator[None]:
     """Turn any error of a scenario's code into an InputError that names the file and the line.
 
-    path : the scenario's file; without it the innermost line outside this package is named
+    path : the scenario's file; without it the innermost line outside this package is named, if there is one
     Errors of this package pass unchanged, as their messages are better.
     """
     try:
@@ -109,7 +109,7 @@ def _place(error: BaseException, path: Path | None) -> str:
         mine = [f for f in frames if not f.filename.startswith((package, sys.prefix, "<"))]
     if mine:
         return f"{mine[-1].filename}, line {mine[-1].lineno}"
-    return str(path) if path is not None else f"{frames[-1].filename}, line {frames[-1].lineno}"
+    return str(path) if path is not None else "in a function of the scenario"
 
 
 def _one_line(error: BaseException) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from importlib.metadata import version
@@ -38,7 +39,7 @@ Say = Callable[[str], None]
 def perform(
     scenario: Scenario,
     *,
-    out: Path | None = ...,
+    out: str | os.PathLike[str] | None = ...,
     plot: bool = ...,
     progress: bool | None = ...,
     say: Say = ...,
@@ -49,7 +50,7 @@ def perform(
 def perform(
     scenario: Study,
     *,
-    out: Path | None = ...,
+    out: str | os.PathLike[str] | None = ...,
     plot: bool = ...,
     progress: bool | None = ...,
     say: Say = ...,
@@ -57,7 +58,7 @@ def perform(
 def perform(
     scenario: Scenario | Study,
     *,
-    out: Path | None = None,
+    out: str | os.PathLike[str] | None = None,
     plot: bool = True,
     progress: bool | None = None,
     say: Say = lambda text: None,
@@ -77,6 +78,8 @@ def perform(
     OutOfTime when the wall time is over: if the scenario is run again, the first run goes on where it was. An exceeded
     tolerance raises no error; it makes `outcome.ok` False.
     """
+    if not isinstance(scenario, Scenario | Study):
+        raise InputError(f"perform got {shown(scenario)}; expected a scenario, such as orbits.scenario.load('kepler').")
     folder = results_folder(out or Path("results") / scenario.name)
     if isinstance(scenario, Study):
         return _perform_study(scenario, folder, plot, say)
@@ -121,8 +124,9 @@ def _plan(scenario: Scenario, systems: Mapping[str, System], grids: Mapping[str,
 
     grid, unit = next(iter(grids.values())), next(iter(systems.values())).units.time
     factor, fitting = fitting_time(grid.end, unit)
-    most = max(len(each) for each in systems.values())
-    bodies = f"{len(systems)} cases of " * (len(systems) > 1) + ("1 body" if most == 1 else f"{most:,} bodies")
+    sizes = {len(each) for each in systems.values()}
+    cases = f"{len(systems)} cases of {'up to ' * (len(sizes) > 1)}" * (len(systems) > 1)
+    bodies = cases + counted(max(sizes), "body")
     then = ["comparison with " + ", ".join(scenario.against)] * bool(scenario.against)
     then += ["checks"] * (scenario.checks is not None) + ["pictures"] * plot
     after = f"; then {', '.join(then)}" if then else ""

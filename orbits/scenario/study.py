@@ -63,7 +63,7 @@ class StudyResult:
     figures : functions that make matplotlib Figures, by file name; called only if pictures are drawn
     record : further values for report.json
 
-    Raises InputError for tables and checks of another kind.
+    Raises InputError for values of another kind.
     """
 
     tables: Sequence[Table] = ()
@@ -79,6 +79,10 @@ class StudyResult:
             for one in listed:
                 if not isinstance(one, kind):
                     raise InputError(f"{name} must be orbits.scenarios.{kind.__name__} values, got {shown(one)}.")
+        if not isinstance(self.figures, Mapping) or not all(map(callable, self.figures.values())):
+            raise InputError(f"figures is {shown(self.figures)}; expected functions by name: {{'a': draw}}.")
+        if not isinstance(self.record, Mapping):
+            raise InputError(f"record is {shown(self.record)}; expected values by name, such as {{'spread': 0.1}}.")
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables)

@@ -12,9 +12,10 @@ from typing import Any
 from orbits.errors import InputError, shown
 
 
-def quantity(text: str, option: str) -> Any:
+def quantity(text: str, option: str, others: str = "") -> Any:
     """Return "6 d" as a Quantity and "6" as a number, meaning the system's unit of time.
 
+    others : what else may be typed for the option, in words
     Raises InputError, naming the option, for anything else.
     """
     value = number_or_text(text)
@@ -22,7 +23,7 @@ def quantity(text: str, option: str) -> Any:
         return value
     from orbits.units import quantity_from_text
 
-    expected = "a number in the system's unit of time, or a time with its unit: '6 d', '1000 yr'"
+    expected = "a number in the system's unit of time, or a time with its unit: '6 d', '1000 yr'" + others
     return quantity_from_text(value, option, expected)
 
 
@@ -45,7 +46,8 @@ def step_or_clock(text: str, option: str) -> Any:
     if word is None:
         from orbits.time_grid.step_length import FRACTION
 
-        return text if FRACTION.fullmatch(text) else quantity(text, option)
+        others = "; or a fraction of the shortest period, P/20; or adaptive"
+        return text if FRACTION.fullmatch(text) else quantity(text, option, others)
     from orbits.marching.clocks.adaptive import Adaptive
     from orbits.marching.clocks.transformed import TimeTransformed
 

@@ -19,11 +19,11 @@ from typer.testing import CliRunner
 import orbits
 from orbits import integrators
 from orbits.cli import app
-from orbits.errors import Interrupted
+from orbits.errors import InputError, Interrupted
 from orbits.regression import PEERS
 from orbits.scenario import bundled, load
 from orbits.scenario.command import guarded
-from orbits.scenario.printed import stdout
+from orbits.scenario.printed import stderr, stdout
 from orbits.scenario.runs import Runs
 from tests.coverings import each
 from tests.stopping import after_samples
@@ -473,6 +473,18 @@ def test_a_reader_that_stops_early_is_no_failure_of_what_is_printed_as_tables(mo
     with pytest.raises(SystemExit) as caught, guarded():
         stdout().print("x" * 100_000)
     assert caught.value.code == 0
+
+
+@pytest.mark.parametrize("stream", ["stdout", "stderr"])
+def test_a_command_whose_output_is_closed_does_what_it_is_asked_for(stream, monkeypatch):
+    """As by >&- and 2>&-: it ended in an AttributeError, "a bug in orbits"."""
+    monkeypatch.setattr(sys, stream, None)
+    with guarded():
+        print("a result")
+        stderr().print("a message")
+    with pytest.raises(SystemExit) as caught, guarded():
+        raise InputError("wrong use")
+    assert caught.value.code == 2
 
 
 def test_a_run_that_is_interrupted_ends_with_its_own_exit_code_and_what_it_says(capsys):

@@ -131,6 +131,8 @@ def test_the_upper_edge_of_a_time_axis_has_the_years_of_the_calendar(kepler):
     low, high = upper.get_xlim()
     assert low < 2000.0 < 2100.0 < high
     assert upper.get_xlabel() == "year"
+    top = max(label.get_window_extent().y1 for label in upper.get_xticklabels() if label.get_text())
+    assert upper.xaxis.label.get_window_extent().y0 > top
 
 
 def test_a_line_is_interrupted_where_its_angle_goes_over_the_edge():
@@ -226,6 +228,7 @@ def test_errors_are_drawn_from_a_reference_and_along_brouwers_slope(merged):
     assert np.allclose(drawn, np.linalg.norm((run["planet"].q - exact["planet"].q).value, axis=1)[1:])
     largest = line_of(energy, "energy").get_data()[1]
     assert largest[-1] == pytest.approx(run.drift().energy.max_fraction)
+    assert line_of(energy, "energy").get_label() == "energy, |ΔE/E|"  # without its sign
     dotted = [line for line in energy.lines if line.get_linestyle() == ":"]
     slopes = [np.polyfit(*np.log(line.get_data()), 1)[0] for line in dotted]
     assert slopes == pytest.approx([0.5, 1.0])

@@ -42,6 +42,8 @@ PICTURES = {
     "two samples": lambda: about_a_star(PLANETS, [0.0, 1.0]).plot(),
     "no units, long": lambda: about_a_star(PLANETS, np.linspace(0.0, 7e6, 50)).plot(),
     "metres": lambda: in_metres().plot(),
+    "moons": lambda: about_a_star({"moon": {"a": 0.01, "e": 0.1}}, np.linspace(0.0, 0.006, 50)).plot(),
+    "kilometres": lambda: about_a_star({"moon": {"a": 1e5, "e": 0.1}}, np.linspace(0.0, 2e8, 50)).plot(),
     "one body": lambda: alone().plot(),
     "many asteroids": lambda: about_a_star(MANY_ASTEROIDS, np.linspace(0.0, 60.0, 50)).plot(),
     "a system": lambda: orbits.System.solar_system().plot(),
@@ -81,7 +83,7 @@ def drawn(name):
     return PICTURES[name]()
 
 
-EACH_KIND = ("40 years back", "one body", "long names", "many asteroids", "a report")
+EACH_KIND = ("40 years back", "moons", "kilometres", "one body", "long names", "many asteroids", "a report")
 """Of each kind of map and legend one picture; the others differ from these in little."""
 
 
@@ -112,6 +114,7 @@ def test_maps_tell_their_frame_and_unit():
     assert map_of(run.system.plot()).get_ylabel() == "y, ecliptic of J2000 [au]"
     assert map_of(drawn("two samples")).get_xlabel() == "x"
     assert "10⁹ m]" in map_of(drawn("metres")).get_xlabel()
+    assert (map_of(drawn("moons")).get_xlabel(), map_of(drawn("kilometres")).get_xlabel()) == ("x [10⁻³]", "x [10³]")
 
 
 def test_the_frame_on_the_axes_is_the_one_that_is_drawn():

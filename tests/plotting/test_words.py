@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 from astropy import units as u
+from matplotlib.cbook import is_math_text
 
+import orbits
 from orbits.integrators import registry
 from orbits.plotting import fitting_time, in_fitting_time, method_words, short
 from orbits.plotting.words import in_prose
@@ -29,6 +31,14 @@ WORDS = {
 @each("label", WORDS)
 def test_a_method_is_told_in_words(label):
     assert method_words(label) == WORDS[label]
+
+
+def test_names_are_drawn_letter_by_letter_and_all_are_in_the_legend():
+    bodies = {"star": {"gm": 1.0}, r"$\foo$": {"a": 1.0, "gm": 1e-6}, "_b": {"a": 2.0}, "US$ 5 and $6": {"a": 3.0}}
+    figure = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS).plot()
+    drawn = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [text.strip().replace(r"\$", "$") for text in drawn] == list(bodies)
+    assert not any(is_math_text(text) for text in drawn)
 
 
 @each("cls", registry().values())

@@ -109,16 +109,17 @@ def test_a_run_that_starts_shortly_before_a_pericentre_is_told_the_error_of_what
     assert sum(p.error for p in run.unresolved()).value == pytest.approx(error, rel=0.06)
 
 
-def test_pericentres_whose_errors_cancel_are_not_told_before_a_run_as_the_least_error():
+def test_what_many_pericentres_cost_together_is_told_before_a_run_and_at_most_after_it():
     system = orbits.System.from_elements(
         {"star": {"gm": 1.0}, "b": {"gm": 0.0, "a": 1.0, "e": 0.6, "M": np.pi}}, units=orbits.DIMENSIONLESS
     )
     run, (before, after) = told(system, orbits.Gauss(stages=4), 0.12, 200.0)
     true = orbits.propagate(system, duration=200.0, samples=[200.0])
-    bound = float(re.search(r"32 such passages put b up to about (\S+) off by the end of the run", before)[1])
-    assert np.linalg.norm(run["b"].q[-1] - true["b"].q[-1]) < bound  # 6.3e-6, of 3.4e-5
-    known = float(re.search(r"\(32 passages, together up to (\S+)\)", after)[1])
-    assert known == pytest.approx(bound, rel=0.2)  # 3.0e-5: each pericentre is at a phase of its own
+    error = np.linalg.norm((run["b"].q[-1] - true["b"].q[-1]).value)  # 6.3e-6
+    ahead = float(re.search(r"32 such passages put b about (\S+) off by the end of the run", before)[1])
+    assert ahead == pytest.approx(error, rel=0.3)  # 5e-6
+    most = float(re.search(r"\(32 passages, together up to (\S+)\)", after)[1])
+    assert error < most < 10.0 * error  # 3.0e-5: each pericentre is at a phase of its own, and they cancel
 
 
 def test_passages_that_were_told_are_listed_by_every_call_of_unresolved():
@@ -330,6 +331,26 @@ def test_pericentres_that_spoil_a_run_together_are_told_though_none_does_by_itse
     true = system.q[1].value - run.q[-1, 1].value  # after whole periods
     together = sum(p.error.value for p in run.unresolved())
     assert together == pytest.approx(np.linalg.norm(true), rel=0.3)
+
+
+def test_pericentres_whose_errors_of_energy_do_not_add_up_are_not_told():
+    # Each alone puts the planet 2e-10 off at the end, 25 of them together 2e-9 if they added up; the run is 2e-11 off.
+    bodies = {"star": {"gm": 1.0}, "planet": {"gm": 0.0, "a": 1.0, "e": 0.9, "M": 1.0}}
+    system, span = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS), 2 * np.pi * 100.3
+    run, nothing = told(system, GAUSS, 0.8 / np.sqrt(1.9 / 0.1**3), span)
+    q, v = (x.value[1] - x.value[0] for x in (system.q, system.v))
+    there = orbits.kepler_flow(q, v, 1.0, span)[0]
+    assert np.linalg.norm(run.q.value[-1, 1] - run.q.value[-1, 0] - there) < 1e-10
+    assert nothing == []
+
+
+def test_a_flyby_in_a_step_far_beyond_the_end_of_a_run_is_judged_at_once():
+    """The exact motion through such a step goes round 1.6e6 times; of a dt of 1e298 it never ended."""
+    q, v = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 2.0, 0.1]], [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.7, 0.0, 0.0]]
+    system = orbits.System(["star", "planet", "p"], [1.0, 1e-3, 0.0], q, v, units=orbits.DIMENSIONLESS)
+    _, (*_, after) = told(system, VERLET, 1e7, 3.0)
+    assert "p to planet" in after
+    assert "what that does to the rest of the run cannot be told" in after
 
 
 def test_passages_that_cannot_be_noticed_even_together_are_not_marched_again(monkeypatch):

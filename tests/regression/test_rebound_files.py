@@ -65,6 +65,8 @@ def test_snapshots_are_chosen_by_number_or_time_in_files_and_opened_archives(arc
     opened = rebound.Simulationarchive(str(archive))
     assert from_rebound(opened, time=1.0) == from_rebound(opened, snapshot=-3) == expected[1]
     assert from_rebound(archive, time=2.5) == from_rebound(archive, snapshot=-2) == expected[2]
+    # Numbers of NumPy, such as those of argmin, are numbers.
+    assert from_rebound(archive, time=np.int64(1)) == from_rebound(archive, snapshot=np.int64(1)) == expected[1]
 
 
 def test_names_are_those_that_were_saved_though_rebound_takes_one_for_another(tmp_path):

@@ -153,6 +153,15 @@ def test_a_single_sample_is_a_mark_in_the_picture():
     assert marks == [None, None, None]  # a fraction of the length of a line, of which a point has none, draws no mark
 
 
+@pytest.mark.parametrize(
+    ("massive", "whose"), [(9, ""), (2, " of the massive bodies"), (1, " of the worst massless body")]
+)
+def test_the_picture_says_whose_energy_and_angular_momentum_it_shows(massive, whose):
+    # A single massive body has neither: those of each massless one about it are compared, and the worst is shown.
+    titles = [panel.get_title("left") for panel in picture(make(NINE, NINE[:massive])).axes]
+    assert titles[1:] == [f"energy{whose}, |ΔE/E|", f"angular momentum{whose}, |ΔL|/|L|"]
+
+
 def test_an_unwritable_path_is_refused_in_words(tmp_path):
     report = make(NINE, NINE)
     with pytest.raises(InputError, match="cannot write"):

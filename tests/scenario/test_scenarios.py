@@ -565,6 +565,47 @@ def test_a_check_that_does_not_hold_is_a_failure(tmp_path):
     assert outcome.failures == ("pigs fly: 0 of 3",)
 
 
+def test_the_plan_of_cases_of_several_sizes_does_not_give_all_the_largest(tmp_path):
+    one, said = pair().system, []
+    cases = {"one": one, "two": one.add("grain", primary="star", a=2.0)}
+    perform(pair(system=cases, duration=0.1), out=tmp_path, plot=False, say=said.append)
+    assert said[0].startswith("2 cases of up to 3 bodies, over 0.1")
+
+
+@each(
+    ("given", "message"),
+    [
+        (("a < b", "0.5"), r"ok of Check\('a < b', \.\.\.\) is '0.5'; expected True or False"),
+        (("a < b", np.nan), "is nan; expected True or False"),
+        (("a < b", np.array([True, False])), r"is array\(\[ True, False\]\); expected True or False"),
+        ((True, "a < b"), r"the claim of a Check is True; expected a text: Check\(claim, ok, \.\.\.\)"),
+    ],
+)
+def test_a_check_holds_if_it_is_true_and_not_if_it_is_anything_else(given, message):
+    with pytest.raises(InputError, match=message):
+        Check(*given)
+
+
+def test_the_folder_of_results_may_be_a_text(tmp_path):
+    assert perform(pair(), out=str(tmp_path / "here"), plot=False).folder == tmp_path / "here"
+
+
+def test_the_name_of_a_scenario_is_no_scenario():
+    with pytest.raises(InputError, match=r"got 'kepler'; expected a scenario, such as orbits\.scenario\.load"):
+        perform("kepler")
+
+
+def test_what_a_check_measured_may_have_a_unit(tmp_path):
+    outcome = perform(pair(checks=lambda outcome: Check("it is near", True, 3 * u.km)), out=tmp_path, plot=False)
+    assert json.loads((tmp_path / "report.json").read_text())["checks"][0]["measured"] == "3.0 km"
+    assert outcome.ok
+
+
+def test_a_function_that_takes_other_arguments_is_not_said_to_be_a_line_of_this_package(tmp_path):
+    with pytest.raises(InputError, match=r"^in a function of the scenario: TypeError: .* takes 0 positional arguments"):
+        perform(pair(checks=lambda: ["none"]), out=tmp_path, plot=False)
+
+
 def test_an_error_in_the_scenarios_own_code_names_file_and_line(tmp_path):
     def draw(outcome):
         raise ZeroDivisionError("nothing to draw")
@@ -685,6 +726,8 @@ def test_a_tolerance_is_typed_as_a_methods_stages_are():
     assert step_or_clock("adaptive:1e-8", "--dt") == orbits.Adaptive(tolerance=1e-8)
     assert step_or_clock("6 d", "--dt") == 6 * u.day
     assert step_or_clock("P/20", "--dt") == "P/20"
+    with pytest.raises(InputError, match=r"--dt = 'p/20'; expected .*; or a fraction of the shortest period, P/20; or"):
+        step_or_clock("p/20", "--dt")
 
 
 @pytest.mark.parametrize("text", ["transformed:0.2", "Transformed : 0.2", "transformed(step=0.2)", "transformed(0.2)"])

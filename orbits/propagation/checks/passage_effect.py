@@ -61,7 +61,7 @@ class Effect(NamedTuple):
     error : the position error of the body at the end of the run that the passage causes
     usual : the method's error on an unperturbed orbit over the whole run; infinite if there is no primary
     distance : from the primary, at the end of the run
-    passages : how many such passages cause the error together, if they do not cancel
+    passages : how many such passages cause the error together
     """
 
     error: float

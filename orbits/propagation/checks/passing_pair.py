@@ -36,8 +36,8 @@ METHOD = Gauss(stages=8)
 """The method of exact motions."""
 
 REFERENCE_ANGLE, MOST_STEPS = 0.1, 20_000
-"""Angle per step of the reference solution of a softened pair, whose orbits are not conics, and its largest number of
-steps, which take some milliseconds."""
+"""Angle per step of the reference solution of a softened pair, whose orbits are not conics, and the largest number of
+steps of a march, which take some milliseconds."""
 
 MOST_ECCENTRICITY, MOST_ANGLE = 1e8, 1e6
 """Orbits of larger eccentricity are straight lines; passages with a larger angle per step fall into the centre."""
@@ -240,9 +240,14 @@ def march_pair(
 def _marched(
     integrator: Integrator, bodies: PointMasses, clock: Clock | float, place: Place
 ) -> tuple[Array, Array]:
-    """Return q and v of bodies to which a march of the method leads; clock : or a step."""
+    """Return q and v of bodies to which a march of the method leads; clock : or a step. Raises InputError if it takes
+    more steps than any passage.
+    """
     marcher = march_of(bodies, integrator, clock)
-    marcher.advance_to(place)
+    while marcher.is_before(place):
+        if marcher.step > MOST_STEPS:
+            raise InputError("the bodies go round too often to be followed.")
+        marcher.approach(place)
     return marcher.state_at(place)
 
 

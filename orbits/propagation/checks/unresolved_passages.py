@@ -21,6 +21,7 @@ from orbits.propagation.checks.step_check import (
     in_digits,
     passage_ahead,
     passage_error,
+    seen_for,
     step_that_resolves,
     what_to_do,
 )
@@ -64,12 +65,16 @@ def error_at_end(run: Trajectory, seen: Seen, k: int) -> float | None:
     return seen.errors[k]
 
 
-def _effect(run: Trajectory | LegOfRun, seen: Seen, k: int) -> Effect | None:
+def _effect(run: Trajectory | LegOfRun, seen: Seen, k: int, *, of_many: bool = False) -> Effect | None:
+    """Return the effect of passage k on a run; of_many : what of it adds up to those of others of the pair."""
     if run.clock.changes or run.integrator.follows_kepler:  # these resolve all passages, or none of those listed
         return None
     passage, end = seen.judged(k), _end(run, seen)
     pair = Pair.of(passage, run.system, run.clock, seen.dominant)
-    return None if pair is None else effect(run.integrator, run.step, pair, end - run.clock.time(passage.step), end)
+    if pair is None:
+        return None
+    left = end - run.clock.time(passage.step)
+    return effect(run.integrator, run.step, pair, seen_for(run.integrator, pair, left) if of_many else left, end)
 
 
 def spoiling(run: Trajectory | LegOfRun, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
@@ -92,8 +97,10 @@ def spoiling(run: Trajectory | LegOfRun, seen: Seen, most: int | None = None) ->
         judged.setdefault(_pair_of(seen, k), []).append((k, caused))
     found = []
     for effects in judged.values():
-        together = sum(caused.error for _, caused in effects)
-        spoilt = together > max(caused.limit for _, caused in effects)
+        spoilt, limit = False, max(caused.limit for _, caused in effects)
+        if sum(caused.error for _, caused in effects) > limit:
+            adding = [_effect(run, seen, k, of_many=True) for k, _ in effects]
+            spoilt = sum(caused.error for caused in adding if caused is not None) > limit
         found += [(k, caused.error) for k, caused in effects if spoilt or _spoils(run, seen, k, caused)]
     return sorted(found, key=lambda pair: -pair[1])
 
