@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -315,6 +316,24 @@ def test_a_particle_that_meets_a_planet_in_a_map_is_chaotic_and_never_silent(enc
     assert np.isfinite(wild.megno[~after][1:]).all()
     assert abs(m["calm"].megno[-1] - 2.0) < 0.1
     assert m["calm"].passage is None
+
+
+@pytest.mark.parametrize(("beyond", "seen"), [(0.08, True), (0.22, False)])
+def test_a_particle_that_passes_a_planet_too_fast_for_the_step_is_told(beyond, seen):
+    """Retrograde, at 4 and 11 Hill radii: its way in a step of 0.08, at twice the planet's speed, is 0.15."""
+    system = orbits.System.from_elements(
+        {
+            "star": {"gm": 1.0},
+            "b": {"gm": 2.5e-5, "a": 1.0},
+            "p": {"gm": 0.0, "a": 1.0 + beyond, "inc": np.pi, "l": 4.03},
+        },
+        units=orbits.DIMENSIONLESS,
+    )
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        m = orbits.megno(system, "wisdom-holman", dt=0.08, duration=10.0, samples=2, check_step=False)
+    assert (m["p"].passage is not None) == seen
+    assert [", or past it too fast for the step" in str(warning.message) for warning in told] == [True] * seen
 
 
 def test_a_particle_that_starts_within_the_reach_of_a_planet_is_retired_at_once():

@@ -17,7 +17,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, padded
 from orbits.integrators.maps.jacobi_form import KeplerSplitting
 from orbits.kernels.lanes import WIDTH
-from orbits.kernels.search.encounters_of_particles import HILL2, Rules
+from orbits.kernels.search.encounters_of_particles import HILL2, WAYS2, Rules
 from orbits.kernels.steps import Share, Storage
 from orbits.kernels.tangents.growth import AREA, LOGARITHM, SQUARE
 from orbits.kernels.tangents.of_particles_in_maps import NEAR, SHARP, WHICH, Fans, follow_particles
@@ -28,7 +28,7 @@ from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_for, form_of_bodies
 from orbits.marching.stepping.loops_of_maps import LoopsOfMap
 from orbits.marching.tangents.in_maps import marched_in_blocks, require_map_tangents
-from orbits.marching.watching.kepler_passages import HILL_RADII
+from orbits.marching.watching.kepler_passages import FLYBY, HILL_RADII
 
 
 def march_together(integrator: Integrator, lagrangian: Lagrangian) -> bool:
@@ -94,7 +94,8 @@ class ParticleTangents(LoopsOfMap):
         self._sun = int(gm.argmax())
         self._near = np.zeros((2, n))
         self._near[HILL2] = (HILL_RADII * np.cbrt(gm / (3.0 * gm[self._sun]))) ** 2
-        self._near[HILL2, self._sun] = 0.0
+        self._near[WAYS2] = (integrator.least_steps / FLYBY) ** 2
+        self._near[:, self._sun] = 0.0
         self._m = m
 
     @property

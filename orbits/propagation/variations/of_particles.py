@@ -142,6 +142,7 @@ def judge(system: System, integrator: Integrator, grid: TimeGrid, out: Growths, 
         near = abs(passages.near[k]) == times[k]
         what = (
             f"within {HILL_RADII:.0f} Hill radii of {bodies[passages.planet[k]]}"
+            + ("" if times[k] == 0.0 else ", or past it too fast for the step")
             if near
             else f"at a pericentre where a full turn would take fewer than {integrator.least_steps} steps"
         )
