@@ -376,7 +376,8 @@ def years(axes: Axes, run: Run, t: Array) -> None:
 def heading(run: Run, known: Histories) -> str:
     """Return what a picture of elements is of: the centre, the frame and the method."""
     frame = f", {FRAMES[known.frame]}" if known.frame != "system" else ""
-    return f"orbits about {words.in_prose(run.names[known.primary])}{frame}; {words.in_title(run.integrator)}"
+    centre = words.literal(words.in_prose(run.names[known.primary]))
+    return f"orbits about {centre}{frame}; {words.in_title(run.integrator)}"
 
 
 def _unit(run: Run) -> str:

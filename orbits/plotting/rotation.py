@@ -83,7 +83,8 @@ def plot_rotation(
     _draw_sky(made, axes["sky"], run, name, pole, (t, unit))
     head = f"where {words.short(name)} points its axis 3" if title is None else title
     axes["sky"].set_title(head)
-    style.below(made, [], [], CAPTION.format(about=words.in_prose(primary), body=words.in_prose(name)))
+    about, body = (words.literal(words.in_prose(one)) for one in (primary, name))
+    style.below(made, [], [], CAPTION.format(about=about, body=body))
     return made
 
 

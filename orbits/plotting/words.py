@@ -32,21 +32,29 @@ TIMES = ((u.s, 0.0), (u.min, 2.0), (u.h, 3.0), (u.d, 3.0), (u.yr, 3.0), (u.kyr, 
 """Units of time, each with the shortest span given in it: an hour in minutes, a year in days, a century in years."""
 
 
-def short(name: str) -> str:
-    """Return a name shortened for a label to at most 28 characters, keeping both ends.
-
-    Matplotlib leaves labels that begin with "_" out of legends, and reads what is between two "$" as a formula.
-    """
+def shortened(name: str) -> str:
+    """Return a name shortened to at most 28 characters, keeping both ends."""
     name = SHORT_NAMES.get(name, name)
     keep = (LONGEST_NAME - 1) // 2
-    name = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1 - keep]}…{name[-keep:]}"
-    return (" " * name.startswith("_") + name).replace("$", r"\$")
+    return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1 - keep]}…{name[-keep:]}"
+
+
+def literal(text: str) -> str:
+    """Return a text with names as it is given to Matplotlib, which leaves labels that begin with "_" out of legends,
+    and reads what is between two "$" as a formula.
+    """
+    return (" " * text.startswith("_") + text).replace("$", r"\$")
+
+
+def short(name: str) -> str:
+    """Return a name shortened for a label of a picture to at most 28 characters, keeping both ends."""
+    return literal(shortened(name))
 
 
 def in_prose(name: str) -> str:
     """Return a name as in a sentence: with its article, "the Sun", or shortened if it takes none."""
     own = with_article(name)
-    return short(name) if own == name else own
+    return shortened(name) if own == name else own
 
 
 def method_words(label: str) -> str:

@@ -47,7 +47,7 @@ class Check:
         if not isinstance(self.claim, str):
             raise InputError(f"the claim of a Check is {shown(self.claim)}; expected a text: Check(claim, ok, ...).")
         object.__setattr__(self, "ok", checked_flag(self.ok, f"ok of Check({shown(self.claim)}, ...)"))
-        object.__setattr__(self, "measured", str(self.measured))
+        object.__setattr__(self, "measured", "" if self.measured is None else str(self.measured))
 
     @property
     def failure(self) -> str:

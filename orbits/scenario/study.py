@@ -45,6 +45,11 @@ class Table:
         return html_table(self.title, self.columns, [[cell(value) for value in row] for row in self.rows], words=words)
 
 
+def _is_named(values: Any) -> bool:
+    """Return whether these are values by name."""
+    return isinstance(values, Mapping) and all(isinstance(name, str) for name in values)
+
+
 def cell(value: Any) -> str:
     """Return a value as text for a table."""
     if value is None:
@@ -79,9 +84,9 @@ class StudyResult:
             for one in listed:
                 if not isinstance(one, kind):
                     raise InputError(f"{name} must be orbits.scenarios.{kind.__name__} values, got {shown(one)}.")
-        if not isinstance(self.figures, Mapping) or not all(map(callable, self.figures.values())):
+        if not _is_named(self.figures) or not all(map(callable, self.figures.values())):
             raise InputError(f"figures is {shown(self.figures)}; expected functions by name: {{'a': draw}}.")
-        if not isinstance(self.record, Mapping):
+        if not _is_named(self.record):
             raise InputError(f"record is {shown(self.record)}; expected values by name, such as {{'spread': 0.1}}.")
 
     def _repr_html_(self) -> str:

@@ -252,10 +252,10 @@ def encoded(array: Array | NDArray[np.float32]) -> dict[str, Any]:
 
 def _title(system: System) -> str:
     if len(system) <= FEW_NAMES:
-        return few([words.short(name) for name in system.names])
+        return few([words.shortened(name) for name in system.names])
     heavy = int(system.massive.sum())
     light = len(system) - heavy
-    root = words.short(system.names[int(np.argmax(system.values.gm))])
+    root = words.shortened(system.names[int(np.argmax(system.values.gm))])
     kinds = [f"{heavy - 1:,} other massive"] * (heavy > 1) + [f"{light:,} massless"] * (light > 0)
     last = light or heavy - 1
     return f"{root}, {' and '.join(kinds)} {'body' if last == 1 else 'bodies'}" if kinds else root

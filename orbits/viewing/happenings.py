@@ -24,7 +24,7 @@ def happenings(run: Trajectory, layout: Layout) -> dict[str, Any]:
     listed = []
     for event in run.events.to_records():
         bodies = [name for name in (event["body"], event["other"]) if name is not None]
-        said = " and ".join(words.short(name) for name in bodies)
+        said = " and ".join(words.shortened(name) for name in bodies)
         text = f"{event['kind']} of {said}" if said else str(event["kind"])
         if event["distance"] is not None:
             text += f", {event['distance']:.4g} {run.system.units.length}".replace("AU", "au").rstrip()
@@ -32,7 +32,7 @@ def happenings(run: Trajectory, layout: Layout) -> dict[str, Any]:
         listed.append((event["time"], kind, text, [place[name] for name in bodies if name in place]))
     for gone in run.retired.to_records():
         known = [place[gone["body"]]] if gone["body"] in place else []
-        listed.append((gone["time"], "retired", f"{words.short(gone['body'])} retired: {gone['reason']}", known))
+        listed.append((gone["time"], "retired", f"{words.shortened(gone['body'])} retired: {gone['reason']}", known))
     listed.sort(key=lambda row: abs(row[0]))
     kept = [{"time": t, "kind": kind, "text": text, "bodies": bodies} for t, kind, text, bodies in listed[:MOST]]
     return {"list": kept, "count": len(listed)}

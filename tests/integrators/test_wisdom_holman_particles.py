@@ -230,6 +230,17 @@ def test_flybys_of_retrograde_particles_in_less_than_a_step_count_as_encounters(
     assert [("too fast for the step" in str(warning.message)) for warning in told] == [True] * 2 * (distance < 0.15)
 
 
+def test_a_planet_too_light_to_do_harm_is_passed_at_any_speed():
+    """Retrograde, at 0.005 of a rock of 1e-20, in steps whose way is 0.15: three Hill radii are 4e-7."""
+    rock, particle = {"gm": 1e-20, "a": 1.0}, {"gm": 0.0, "a": 1.005, "inc": np.pi, "l": 4.03}
+    start = orbits.System.from_elements(
+        {"star": {"gm": 1.0}, "rock": rock, "p": particle}, units=orbits.DIMENSIONLESS
+    )
+    for encounters in ("warn", "retire"):
+        run = orbits.propagate(start, orbits.WisdomHolman(encounters=encounters), dt=0.08, duration=10.0, samples=2)
+        assert (len(run.unresolved()), len(run.retired)) == (0, 0)
+
+
 def test_a_pericentre_that_is_not_resolved_is_warned_of_after_the_run_too():
     with pytest.warns(StepWarning) as seen:
         run = orbits.propagate(excited(), DEFAULT, dt=40 * u.day, duration=10 * u.yr, samples=2, progress=False)

@@ -82,6 +82,26 @@ def test_what_the_pericentres_of_a_run_cost_together_is_told_as_it_is(method, an
     assert 0.25 < passage_ahead(system, method, h, span).caused.error / true < 4.0
 
 
+@pytest.mark.parametrize(
+    ("method", "angle", "M", "revolutions"),
+    [
+        (VERLET, 0.25, 0.001, 0.7),
+        (VERLET, 0.25, 0.001, 3.3),
+        (VERLET, 0.004, -0.001, 1.3),
+        (orbits.Gauss(stages=4), 1.0, 0.001, 0.7),
+    ],
+)
+def test_what_a_start_near_a_pericentre_costs_is_told(method, angle, M, revolutions):
+    """The rest of the passage: 0.33, 1.1, 7.9e-5 and 6.8e-5 by the end of the run; a whole one does a hundredth."""
+    body = {"gm": 0.0, "a": 1.0, "e": 0.9, "M": M}
+    system = orbits.System.from_elements({"star": {"gm": 1.0}, "body": body}, units=orbits.DIMENSIONLESS)
+    h, span = angle / np.sqrt(1.9 / 0.1**3), 2 * np.pi * revolutions
+    run, _ = caught(system, method, h, span, check_step=False)
+    q, v = (x.value[1] - x.value[0] for x in (system.q, system.v))
+    true = np.linalg.norm(run.q.value[-1, 1] - run.q.value[-1, 0] - orbits.kepler_flow(q, v, 1.0, span)[0])
+    assert passage_ahead(system, method, h, span).caused.error == pytest.approx(true, rel=0.3)
+
+
 def test_a_pericentre_that_lies_beyond_the_end_of_the_run_is_no_reason_to_warn():
     system = two_bodies(0.95, f=np.pi)
     period = 2 * np.pi

@@ -28,7 +28,7 @@ from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_for, form_of_bodies
 from orbits.marching.stepping.loops_of_maps import LoopsOfMap
 from orbits.marching.tangents.in_maps import marched_in_blocks, require_map_tangents
-from orbits.marching.watching.kepler_passages import FLYBY, HILL_RADII
+from orbits.marching.watching.kepler_passages import HILL_RADII, ways_too_fast
 
 
 def march_together(integrator: Integrator, lagrangian: Lagrangian) -> bool:
@@ -94,7 +94,7 @@ class ParticleTangents(LoopsOfMap):
         self._sun = int(gm.argmax())
         self._near = np.zeros((2, n))
         self._near[HILL2] = (HILL_RADII * np.cbrt(gm / (3.0 * gm[self._sun]))) ** 2
-        self._near[WAYS2] = (integrator.least_steps / FLYBY) ** 2
+        self._near[WAYS2] = ways_too_fast(gm / gm[self._sun], integrator.least_steps) ** 2
         self._near[:, self._sun] = 0.0
         self._m = m
 

@@ -67,10 +67,18 @@ def near_planets(gm: Array, dominant: int) -> Array:
     the way in a step, add up to its attraction but for `SPARED` of that of the dominant body.
     """
     share = gm / gm[dominant]
-    ways = np.maximum(np.log(share / SPARED), 0.0) / (2.0 * math.pi)
-    near: Array = np.array([(FOLLOWED * np.cbrt(share / 3.0)) ** 2, ways**2])
+    near: Array = np.array([(FOLLOWED * np.cbrt(share / 3.0)) ** 2, ways_to_spare(share) ** 2])
     near[:, dominant] = 0.0
     return near
+
+
+def ways_to_spare(share: Any) -> Any:
+    """Return at how many ways in a step a particle passes a planet without harm, numbers or arrays; 0 for a planet that
+    is too light to do any.
+
+    share : the mass of the planet, as a fraction of that of the dominant body
+    """
+    return np.log(np.maximum(share / SPARED, 1.0)) / (2.0 * math.pi)
 
 
 def near_each_other(gm: Array, dominant: int) -> Array:
@@ -95,12 +103,12 @@ def is_unresolved(h: float, distance: Any, speed: Any, enough: int) -> Any:
     return abs(h) * speed > 2.0 * math.pi / enough * distance
 
 
-def is_too_fast(h: float, distance: Any, speed: Any, enough: int) -> Any:
-    """Return whether steps of h do not resolve flybys of planets by massless particles, numbers or arrays.
+def ways_too_fast(share: Any, enough: int) -> Any:
+    """Return within how many of its ways in a step a massless particle passes a planet too fast, numbers or arrays.
 
-    enough : the steps in a full turn that resolve a passage of the dominant body
+    share : as in `ways_to_spare`; enough : the steps in a full turn that resolve a passage of the dominant body
     """
-    return abs(h) * speed > FLYBY / enough * distance
+    return np.minimum(enough / FLYBY, ways_to_spare(share))
 
 
 class Meeting(NamedTuple):
@@ -141,7 +149,8 @@ def lost_in(
     mate, least = rows[:, MATE].astype(int), np.sqrt(rows[:, LEAST2])
     central, speed = mate == dominant, np.sqrt(rows[:, FASTEST2])
     near = least < reach(rows[:, ABOUT : ABOUT + 3], gm[mate], gm[dominant])
-    close = ~central & (near | is_too_fast(h, least, speed, enough))
+    fast = least < abs(h) * speed * ways_too_fast(gm[mate] / gm[dominant], enough)
+    close = ~central & (near | fast)
     sharp = central & is_unresolved(h, least, speed, enough)
     rows, close = rows[close | sharp], close[close | sharp]
     if not len(rows):

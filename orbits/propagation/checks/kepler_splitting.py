@@ -24,7 +24,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.search.apsides import apsides_of
 from orbits.lagrangians.base import ABOUT_ONE_BODY
-from orbits.marching.watching.kepler_passages import HILL_RADII, is_too_fast, is_unresolved, near_a_planet, reach
+from orbits.marching.watching.kepler_passages import HILL_RADII, is_unresolved, near_a_planet, reach, ways_too_fast
 from orbits.propagation.checks.crossing_orbits import close_pairs, orbits_of_planets
 from orbits.propagation.checks.leg_of_run import LegOfRun, listed_in
 from orbits.propagation.checks.step_check import in_digits, rounded_down
@@ -225,8 +225,8 @@ def encounters(
                 found.append((passage.distance / abs(h * passage.speed), k))
             continue
         near = float(reach(passage.about[:3], gm[passage.body] + gm[passage.other], gm[seen.dominant]))
-        fast = is_too_fast(h, passage.distance, passage.speed, integrator.least_steps)
-        if passage.distance < near or (fast and not both):
+        ways = ways_too_fast(gm[[passage.body, passage.other]].max() / gm[seen.dominant], integrator.least_steps)
+        if passage.distance < near or (not both and passage.distance < abs(h) * passage.speed * ways):
             found.append((passage.distance / near, k))
     return [k for _, k in sorted(found)]
 

@@ -85,21 +85,24 @@ class Effect(NamedTuple):
         return NEGLIGIBLE * self.distance
 
 
-def effect(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
+def effect(
+    integrator: Integrator, h: float, pair: Pair, left: float, span: float, begun: float | None = None
+) -> Effect:
     """Return the effect of a passage on a run with steps of h.
 
     pair : at the beginning of the step that contains the pericentre
     left, span : time from there to the end of the run, and length of the whole run; signs as h
+    begun : time from the start of the run to there; by default what is left of it
     If the orbits cannot be followed, `error` and `usual` are both infinite: nothing is known.
     """
     try:
         with np.errstate(all="ignore"):
-            return _effect(integrator, h, pair, left, span)
+            return _effect(integrator, h, pair, left, span, span - left if begun is None else begun)
     except NOT_FOLLOWED:
         return Effect(math.inf, math.inf, 0.0)
 
 
-def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: float) -> Effect:
+def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: float, begun: float) -> Effect:
     rate, period = pair.rate, pair.orbit.period
     angle = abs(h) * rate
     scale = 1.0
@@ -108,9 +111,9 @@ def _effect(integrator: Integrator, h: float, pair: Pair, left: float, span: flo
     half = min(RADIANS / rate, 0.5 * period) if rate > 0.0 else abs(h)
     steps = max(2, math.ceil(half / abs(h)))
     after = steps + 1
-    if scale == 1.0 and left * h > 0.0:  # not beyond the end of the run, nor before its start
+    if left * h > 0.0:  # not beyond the end of the run, nor before its start
         after = max(1, min(after, math.ceil(left / h)))
-        steps = max(0, min(steps, round((span - left) / h)))
+        steps = max(0, min(steps, round(begun / h)))
     end = after * h
     exact = pair.after(end)
     try:

@@ -72,6 +72,10 @@ ROUNDS, CLOSE_ENOUGH = 6, 1e-3
 """Rounds in which a pericentre among three bodies is found, and the change of its time after which they end: the phase
 within the step is not known any better before a run."""
 
+ROUND, NEAR = 0.3, 1.0
+"""The eccentricity up to which it does not matter where in its revolution a run starts, and the radians at the speed of
+the pericentre beyond which it does not either."""
+
 PHASES = (0.1, 0.25, 0.4)
 """Positions of the pericentre within a step, none of them 0 or 1/2, where symmetric methods get the turn right by
 symmetry alone.
@@ -158,16 +162,24 @@ def passage_ahead(system: System, integrator: Integrator, h: float, span: float)
     if not math.isfinite(angle):
         return Ahead(row, partner, distance, angle, 1.0, None, 0.0)
     share, turn = passage_error(integrator, e, min(angle, MOST_ANGLE))
-    if share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
+    first = _from_start(system, integrator, row, partner, h, span) if e > ROUND else None
+    if first is None and share <= TOO_LONG and GROWTH * share * turn * speed * abs(span) < 0.1 * NEGLIGIBLE * distance:
         return None
     pair, start = _ahead(system, row, partner, h, span)
     caused = None if pair is None else _all_pericentres(integrator, h, pair, span - start, span)
+    if first is not None and first.spoils and (caused is None or first.error > caused.error):
+        caused = first
     if share <= TOO_LONG and (caused is None or not caused.spoils):
         return None
     if pair is None:
         enough = largest_resolved_angle(integrator, e, angle) * abs(h) / angle
     else:
         enough = step_that_resolves(integrator, h, pair, span - start, span)
+    for _ in range(TRIALS if first is not None and enough > 0.0 else 0):
+        first = _from_start(system, integrator, row, partner, math.copysign(enough, h), span)
+        if first is None or not first.spoils:
+            break
+        enough *= SHORTER
     return Ahead(row, partner, distance, angle, share, caused, enough)
 
 
@@ -275,22 +287,26 @@ def _all_pericentres(integrator: Integrator, h: float, pair: Pair, left: float, 
     if not (pair.is_bound() and pair.orbit.period < abs(left)):
         return first
     passages = abs(left) / pair.orbit.period
-    rest = seen_for(integrator, pair, left) if SYMPLECTIC in integrator.declares else 0.5 * left
+    rest = seen_for(integrator, h, pair, left, 0.5 * left)
     later = min(effect(integrator, h, pair, rest, span).error * passages, 2.0 * first.distance)
     return first._replace(error=later, passages=math.ceil(passages)) if later > first.error else first
 
 
-def seen_for(integrator: Integrator, pair: Pair, left: float) -> float:
+def seen_for(integrator: Integrator, h: float, pair: Pair, left: float, most: float) -> float:
     """Return for how long the error of one of many passages is seen, in which it adds up to those of the others.
 
-    left : time to the end of the run
+    left : time to the end of the run; most : the longest, signs as h
     At its pericentres a symplectic method leaves the same error of phase and direction each time, seen where the run
-    ends in the revolution; what it does to the energy does not add up.
+    ends in the revolution. What it does to the energy depends on where in a step they lie, and averages out when they
+    have gone through all of it; but not where they come back to the same place, or every other time.
     """
     period = pair.orbit.period
     if not (SYMPLECTIC in integrator.declares and pair.is_bound() and period < abs(left)):
-        return left
-    return math.copysign(period, left) + math.fmod(left, period)
+        return most
+    steps = abs(period / h)
+    shift = min(abs(k * steps - round(k * steps)) for k in (1, 2))  # from one pericentre to the next, in steps
+    together = min(abs(most), period / max(2.0 * math.pi * shift, 1e-300))
+    return math.copysign(max(period + math.fmod(abs(left), period), together), left)
 
 
 def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: float) -> float:
@@ -299,13 +315,32 @@ def largest_resolved_angle(integrator: Integrator, eccentricity: float, angle: f
     return next((trial for trial in trials if passage_error(integrator, eccentricity, trial)[0] <= TOO_LONG), 0.0)
 
 
+def _now(system: System, row: int, partner: int) -> Pair:
+    """Return two bodies, the lighter one first."""
+    gm = system.values.gm
+    return Pair.now(system, row, partner, int(gm.argmax()) if gm.max() > DOMINANT * gm.sum() else -1)
+
+
+def _from_start(
+    system: System, integrator: Integrator, row: int, partner: int, h: float, span: float
+) -> Effect | None:
+    """Return the effect on a run of the rest of a passage in which it starts, which may be a hundred times that of a
+    whole one; None if it starts elsewhere.
+    """
+    pair = _now(system, row, partner)
+    try:
+        within = abs(pair.ahead) * pair.rate < NEAR
+    except NOT_FOLLOWED:
+        return None
+    return effect(integrator, h, pair, span, span) if within else None
+
+
 def _ahead(system: System, row: int, partner: int, h: float, span: float) -> tuple[Pair | None, float]:
     """Return two bodies, the lighter one first, at the beginning of the step with their next pericentre, and its time.
 
     The pair is None if there is no pericentre within `span`.
     """
-    gm = system.values.gm
-    pair = Pair.now(system, row, partner, int(gm.argmax()) if gm.max() > DOMINANT * gm.sum() else -1)
+    pair = _now(system, row, partner)
     try:
         ahead, period = pair.ahead, pair.orbit.period
         if ahead * h < 0.0:

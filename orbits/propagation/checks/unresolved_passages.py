@@ -10,6 +10,7 @@ import numpy as np
 
 from orbits.errors import RetiredWarning, StepWarning, counted
 from orbits.finding import SHOWN, Finding
+from orbits.integrators.base import SYMPLECTIC
 from orbits.kernels.steps import IMPACT, NEAR_A_PLANET, NOT_RESOLVED
 from orbits.marching.following.retirement import EJECTED, HIT, REASONS, TOO_CLOSE
 from orbits.propagation.checks.kepler_splitting import encounters
@@ -73,8 +74,14 @@ def _effect(run: Trajectory | LegOfRun, seen: Seen, k: int, *, of_many: bool = F
     pair = Pair.of(passage, run.system, run.clock, seen.dominant)
     if pair is None:
         return None
-    left = end - run.clock.time(passage.step)
-    return effect(run.integrator, run.step, pair, seen_for(run.integrator, pair, left) if of_many else left, end)
+    begun, h = run.clock.time(passage.step), _step(run, end)
+    left = seen_for(run.integrator, h, pair, end - begun, end - begun) if of_many else end - begun
+    return effect(run.integrator, h, pair, left, end, begun)
+
+
+def _step(run: Trajectory | LegOfRun, end: float) -> float:
+    """Return the step of a run, of which no more is taken than leads to its end."""
+    return math.copysign(min(abs(run.step), abs(end)), run.step)
 
 
 def spoiling(run: Trajectory | LegOfRun, seen: Seen, most: int | None = None) -> list[tuple[int, float]]:
@@ -97,10 +104,11 @@ def spoiling(run: Trajectory | LegOfRun, seen: Seen, most: int | None = None) ->
         judged.setdefault(_pair_of(seen, k), []).append((k, caused))
     found = []
     for effects in judged.values():
-        spoilt, limit = False, max(caused.limit for _, caused in effects)
-        if sum(caused.error for _, caused in effects) > limit:
-            adding = [_effect(run, seen, k, of_many=True) for k, _ in effects]
-            spoilt = sum(caused.error for caused in adding if caused is not None) > limit
+        errors, limit = [caused.error for _, caused in effects], max(caused.limit for _, caused in effects)
+        if sum(errors) > limit and SYMPLECTIC in run.integrator.declares:
+            adding = (_effect(run, seen, k, of_many=True) for k, _ in effects)
+            errors = [caused.error for caused in adding if caused is not None]
+        spoilt = sum(errors) > limit
         found += [(k, caused.error) for k, caused in effects if spoilt or _spoils(run, seen, k, caused)]
     return sorted(found, key=lambda pair: -pair[1])
 
@@ -126,7 +134,7 @@ def _spoils(run: Trajectory | LegOfRun, seen: Seen, k: int, caused: Effect) -> b
         return caused.spoils
     pair = Pair.of(seen.judged(k), run.system, run.clock, seen.dominant)
     assert pair is not None
-    share, turn = passage_error(run.integrator, *pair.shape(run.step))
+    share, turn = passage_error(run.integrator, *pair.shape(_step(run, _end(run, seen))))
     return share > UNRESOLVED and share * turn > NEGLIGIBLE and caused.error > caused.noticeable
 
 
@@ -193,7 +201,7 @@ def _enough(run: Trajectory | LegOfRun, seen: Seen, numbers: list[int]) -> float
         pair = Pair.of(passage, run.system, run.clock, seen.dominant)
         assert pair is not None
         left, count = end - run.clock.time(passage.step), 1 if pair.is_bound() else len(numbers)
-        steps.append(step_that_resolves(run.integrator, run.step, pair, left, end, count))
+        steps.append(step_that_resolves(run.integrator, _step(run, end), pair, left, end, count))
     return min(steps)
 
 
@@ -268,8 +276,8 @@ def _most(run: Trajectory | LegOfRun, seen: Seen, passage: Passage, end: float) 
     pair = Pair.of(passage, run.system, run.clock, seen.dominant)
     if pair is None:
         return 0.0, 0.0
-    e, angle = pair.shape(run.step)
-    left = abs(end - run.clock.time(passage.step)) + abs(run.step)
+    e, angle = pair.shape(_step(run, end))
+    left = abs(end - run.clock.time(passage.step)) + abs(_step(run, end))
     if angle < MOST_ANGLE and pair.is_bound():  # from a pericentre an error leads the farther, the larger e is
         growth = GROWTH * max(1.0, 0.5 * math.sqrt((1.0 + e) / max(1.0 - e, 1e-300)))
         noticeable = NEGLIGIBLE * pair.orbit.least
