@@ -20,6 +20,7 @@ from astropy import units as u
 import orbits
 from orbits.errors import IntegrationError
 from orbits.integrators import registry
+from orbits.lagrangians.newtonian import newtonian
 from orbits.regression import peers
 from orbits.resources import data_path
 from orbits.scenario import Check, Study, StudyResult, Table
@@ -99,13 +100,13 @@ def belt():
 
 
 def methods():
-    """The registered methods that are different maps, and compositions with the default scheme of each order."""
+    """The registered methods for bodies, and compositions with the default scheme of each order."""
     for name, cls in registry().items():
         if name in LEFT_OUT:
             continue
         seen = set()
         for method in cls.examples():
-            if method.order not in seen and method.label != "LobattoIIIAB(stages=2)":
+            if method.serves(newtonian) and method.order not in seen and method.label != "LobattoIIIAB(stages=2)":
                 seen.add(method.order)
                 yield method
     for order in (4, 6, 8, 10):

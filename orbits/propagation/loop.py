@@ -324,7 +324,7 @@ def _sample(
             bar.update(marcher.time, steps)
             if failure is not None and found is None:
                 raise failure
-            if stop.name or watch.interrupted(found) or watch.ended():
+            if stop.name or watch.interrupted(found) or watch.ended(done=index == goals):
                 return False
             if store.full and index < goals:  # the last one is committed with the end of the run
                 store.commit(marcher)

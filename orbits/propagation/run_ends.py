@@ -52,8 +52,10 @@ class RunEnds:
     stopped: Stop | None = None
     begun: float = 0.0
 
-    def ended(self) -> bool:
-        """Return whether a condition that ends the run holds, and note it."""
+    def ended(self, *, done: bool) -> bool:
+        """Return whether a condition that ends the run holds, and note it; done : whether it is at its end, so that no
+        time is left to be limited.
+        """
         marcher = self.marcher
         if marcher.ended is not None:
             row, bodies = marcher.ended
@@ -63,8 +65,9 @@ class RunEnds:
             return True
         watched = self.conditions.energy < np.inf
         found = self.conditions.exceeded() if watched and marcher.current.last.bounds.met == ENERGY else None
-        found = found or self.conditions.overdue(time.perf_counter() - self.begun)
-        if found is None and self.deadline is not None and self.deadline.over:
+        if found is None and not done:
+            found = self.conditions.overdue(time.perf_counter() - self.begun)
+        if found is None and not done and self.deadline is not None and self.deadline.over:
             found = self.deadline.words, WallTimeOver(self.deadline.seconds)
         if found is not None:
             self.note(marcher.time, marcher.state(), *found)

@@ -127,6 +127,13 @@ CASES = {
 }
 
 
+@pytest.mark.parametrize("limit", [{"wall_time": 1e-9}, {"stop": orbits.events.WallTimeOver(1e-9)}])
+def test_a_run_whose_first_block_leads_to_its_end_is_not_ended_by_its_wall_time(limit, giants: orbits.System) -> None:
+    run = orbits.propagate(giants, "wisdom-holman", dt="50 d", duration="1000 d", samples=5, **limit)
+    assert run.complete
+    assert run.stopped is None
+
+
 @pytest.mark.parametrize("name", only(("wisdom-holman", "chosen steps"), CASES))
 def test_a_run_that_its_wall_time_ends_again_and_again_gets_the_bits_of_one_that_was_never_ended(
     name: str, belt: orbits.System, tmp_path: Path, looks: list[int]
