@@ -92,7 +92,7 @@ def effect(
 
     pair : at the beginning of the step that contains the pericentre
     left, span : time from there to the end of the run, and length of the whole run; signs as h
-    begun : time from the start of the run to there; by default what is left of it
+    begun : time from the start of the run to there; by default span - left
     If the orbits cannot be followed, `error` and `usual` are both infinite: nothing is known.
     """
     try:
