@@ -147,6 +147,11 @@ class Form:
         """Delete the part of the carry that depends on the length of the steps, for a step of another length."""
         carry[:] = 0.0
 
+    def forget_particles(self, carry: Array) -> None:
+        """Delete the carry of particles, for a step of another length, unless it is kept."""
+        if not self.keeps_particles:
+            carry[:] = 0.0
+
     def accounts(self, carry: Array) -> Array:
         """Return the accounts in the carry of each force without a Lagrangian on the massive bodies, (forces, 7): work,
         torque about the origin and impulse, times G.

@@ -230,7 +230,7 @@ class ChainOfLegs(March):
         grid, lost = self._grid if self._grid >= 0 else self._leg.step, self._leg
         clock, begun, steps = lost.begun_within(self.clock, grid, time)
         self._grid = grid if clock is not self.clock else -1
-        lost = lost.home.way.losing_by(lost, time)
+        lost = lost.home.follower.losing_by(lost, time)
         self.bodies.begin_leg()
         there = self.bodies.there
         self._follow(self.bodies.march(state.q[there], state.v[there], clock, begun), lost, steps, time)

@@ -83,6 +83,7 @@ def bound(
     bodies = system.values if state is None else system.values._replace(q=state[0], v=state[1])
     acting = derived(system, model)
     acting.check()
+    surfaces = None if system.radii is None else np.asarray(system.radii.value)
     marcher = march_of(
         bodies,
         integrator,
@@ -95,7 +96,7 @@ def bound(
         threads=threads,
         approaches=looks_for_approaches(approaches, integrator, system),
         ends=Ends(stops, None if conditions is None or conditions.energy == np.inf else conditions.energy, radii),
-        surfaces=None if system.radii is None or clock_of(clock).changes else np.asarray(system.radii.value),
+        surfaces=surfaces if integrator.in_encounters.follow_particles else None,
     )
     if state is None:  # a march from a state of a run must not be refused where the run itself was not
         for term in system.terms:

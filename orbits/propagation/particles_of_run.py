@@ -68,7 +68,7 @@ class ParticlesOfRun:
         self._light = [with_light(system, search.subjects) for search in self._searches]
         self._scales = [dynamical_time(light) for light, _ in self._light]
         self.may_end = any(search.interrupts for search in self._searches)
-        together = clock.lets_particles_choose and not self.may_end
+        together = not self.may_end
         self._most = min(TOGETHER, NUMBERS // (6 * len(system))) if together else 1
         self._waiting: list[Sample] = []
         self._step = self._reached = self._marcher.step
@@ -263,15 +263,12 @@ class ParticlesOfRun:
         if FOLLOW in integrator.in_encounters:  # as it is followed there
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march, start = along_steps(system, integrator, clock, begun, q, v, dense=True)
-        if clock.changes:  # a march then counts its time from its begin
-            march.leg.times.end_exactly()
-            yield from within_step.stretches(march, clock.place(time - begun))
-            return
-        place = self._clock.place(time - start)
-        rest = not place.steps or abs(place.rest) > NOTHING * abs(self._clock.h)
-        for motion, ends in within_step.stretches(march, place):
-            yield motion, ends and not rest
-        if rest:
+        times, left = march.leg.times, True
+        times.end_exactly()
+        for motion, ends in within_step.stretches(march, clock.place(time - start)):
+            left = abs(times.part_until(time)) > NOTHING
+            yield motion, ends and not left
+        if left:
             yield from within_step.stretches(*within_step.towards(march.leg, time))
 
 

@@ -153,8 +153,4 @@ def _given(options: Mapping[str, object], name: str) -> str:
 
 
 def _steps(grid: TimeGrid, method: Integrator, system: System) -> str:
-    from orbits.marching.clocks.variable_steps import ChangingSteps
-
-    if isinstance(grid.clock, ChangingSteps):
-        return grid.clock.describe(method) + " backwards" * (grid.direction < 0.0)
-    return f"dt = {with_unit(f'{grid.h:g}', system.units.time)}"
+    return grid.clock.describe(method, system.units.time) + " backwards" * (grid.direction < 0.0)

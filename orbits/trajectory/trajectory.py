@@ -14,12 +14,10 @@ from numpy.typing import NDArray
 
 from orbits.body_names import Named, index_of
 from orbits.checks import finite_numbers, place_in
-from orbits.errors import InputError, shown, with_unit
+from orbits.errors import InputError, shown
 from orbits.export import Labelled, Tabular
 from orbits.former_names import Renamed
-from orbits.marching.clocks.adaptive import Adaptive
 from orbits.marching.clocks.constant import Clock, clock_of
-from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.system import OrbitalElements, System
 from orbits.system.model import continued, most_inner
 from orbits.system.presenting import NANOSECONDS
@@ -193,9 +191,8 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
         Raises InputError for a run of a method with adaptive steps.
         """
         if math.isnan(self.step):
-            if isinstance(self.clock, ChangingSteps) and not isinstance(self.clock, Adaptive):
-                raise InputError(f"this run took {self.clock.describe(self.integrator)}, so it has no dt.")
-            raise InputError(f"{self.integrator.label} has adaptive steps, so this run has no dt.")
+            steps = self.clock.describe(self.integrator) or "steps of unknown length"
+            raise InputError(f"this run took {steps}, so it has no dt.")
         return u.Quantity(abs(self.step), self.system.units.time)
 
     @property
@@ -259,11 +256,8 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
         """The method and its steps in words: Gauss(stages=8), dt = 6 d; or for a run without dt: Gauss(stages=8),
         adaptive steps (tolerance 1e-09).
         """
-        if isinstance(self.clock, ChangingSteps):
-            return f"{self.integrator.label}, {self.clock.describe(self.integrator)}"
-        if math.isnan(self.step):
-            return self.integrator.label
-        return f"{self.integrator.label}, dt = {with_unit(f'{abs(self.step):g}', self.system.units.time)}"
+        steps = self.clock.describe(self.integrator, self.system.units.time)
+        return f"{self.integrator.label}, {steps}" if steps else self.integrator.label
 
     def __len__(self) -> int:
         """Return the number of samples."""

@@ -263,7 +263,8 @@ def _title(system: System) -> str:
 
 def _step(run: Trajectory) -> str:
     if math.isnan(run.step):
-        return ", adaptive steps" if run.clock.changes else ""
+        steps = run.clock.describe(run.integrator)
+        return f", {steps}" if steps else ""
     return f", dt = {words.in_fitting_time(abs(run.step), run.system.units.time)}"
 
 

@@ -96,7 +96,7 @@ def test_helpers_take_part_and_change_no_bit(way, monkeypatch):
         for _ in range(400):
             alone.advance(20)
             shared.advance(20)
-            helped += sum(int(evaluations[0]) for evaluations in shared.stepper.loops._follower._evaluations[1:])
+            helped += sum(int(evaluations[0]) for evaluations in shared.stepper.loops.follower._evaluations[1:])
             if helped and alone.step >= 200:
                 break
     assert helped > 0
@@ -128,12 +128,12 @@ def test_samples_leave_the_threads_to_the_march(monkeypatch):
     march, dismissed = cloud(orbits.StormerVerlet(), 0.01, 2), []
     march.advance(100)
     march.advance(100)
-    bound = march.stepper.loops._follower._bound[False]
+    bound = march.stepper.loops.follower._bound[False]
     monkeypatch.setattr(Helpers, "dismiss", lambda self: dismissed.append(self))
     march.stepper.loops._helpers._pace = 1e-7
     march.state_after(0.005)
     march.advance(1)
-    assert march.stepper.loops._follower._bound[False] is bound
+    assert march.stepper.loops.follower._bound[False] is bound
     assert dismissed == []
     monkeypatch.undo()
     march.close()
@@ -157,7 +157,7 @@ def test_what_is_shared_once_is_done_by_the_caller_until_it_takes_long(monkeypat
 
 
 def test_the_way_of_following_is_chosen_once():
-    kinds = {way: type(cloud(*WAYS[way], 1, particles=8).stepper.loops._follower) for way in WAYS}
+    kinds = {way: type(cloud(*WAYS[way], 1, particles=8).stepper.loops.follower) for way in WAYS}
     assert kinds["in lanes"] is kinds["one after another"] is Follower
     assert len(set(kinds.values())) == 3
 

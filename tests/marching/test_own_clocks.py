@@ -106,7 +106,7 @@ def test_bodies_between_their_steps_are_where_partial_steps_lead():
     march.advance(12)
     loops, begun = march.stepper.loops, march.stepper.state["clock"].copy()
     path, kicks = loops._record
-    mine = loops._follower._memories[0].stepping(begun, (loops.times, loops._stages, path, kicks), path, (0, 0))
+    mine = loops.follower._memories[0].stepping(begun, (loops.times, loops._stages, path, kicks), path, (0, 0))
     off = {"known": 0.0, "first": 0.0}
     for k in (3, 7, 11):
         for name in off:

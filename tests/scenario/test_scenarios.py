@@ -268,7 +268,7 @@ def test_running_again_after_ctrl_c_goes_on_with_the_same_run(tmp_path, dt, monk
         ({"dt": None}, {}, r"it has adaptive steps \(tolerance .*\), this one dt = 0.05"),
         ({"duration": 3.0}, {}, "it ends at t = 3, this one at 2"),
         ({"duration": 2.0000001}, {}, "it ends at t = 2.0000001, this one at 2.0"),
-        ({"duration": -2.0}, {}, "it has dt = -0.05, this one dt = 0.05; it ends at t = -2, this one at 2"),
+        ({"duration": -2.0}, {}, "it has dt = 0.05 backwards, this one dt = 0.05; it ends at t = -2, this one at 2"),
         ({"samples": 7}, {}, "it has 7 samples, this one 5"),
         ({"integrators": [orbits.Gauss(stages=3)], "dt": 0.1}, {},
          r"it has Gauss\(stages=3\), this one Gauss\(stages=4\); it has dt = 0.1, this one dt = 0.05"),

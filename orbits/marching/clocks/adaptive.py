@@ -250,6 +250,6 @@ class Adaptive(ChangingSteps):
             numbers[LONGEST] = ALONE if alone else LONGEST_OF_GIVEN
         return {"clock": numbers}
 
-    def describe(self, integrator: Any) -> str:
+    def describe(self, integrator: Any, unit: object = "") -> str:
         """Return the steps of a method in words."""
         return f"adaptive steps (tolerance {self.tolerance_for(integrator):g})"

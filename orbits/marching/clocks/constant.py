@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from orbits.checks import single_number
-from orbits.errors import ConvergenceError, InputError, IntegrationError
+from orbits.errors import ConvergenceError, InputError, IntegrationError, with_unit
 from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form, coefficients_of
@@ -33,6 +33,10 @@ STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
 
 
+OF_BODIES, OWN = "of the bodies", "own"
+"""The steps that massless particles may take."""
+
+
 def rounded_step(dt: float) -> float:
     """Return dt rounded to 24 significant bits, so that k * dt is exact for every k below 2^29."""
     mantissa, exponent = math.frexp(dt)
@@ -45,7 +49,7 @@ class Clock:
     timing : the tag by which compiled code identifies it
     changes : whether steps differ in length
     refined_by : what is made smaller for more accuracy, in words
-    lets_particles_choose : whether massless particles have clocks of their own, beside this one of the massive bodies
+    particle_steps : which steps massless particles take: those of the bodies, or their own, by clocks of their own
     passage_limits : which passages are listed, see `thresholds` in `orbits.marching.watching.leg_observers`, if that
         does not depend on the method
     direction : 1 forwards in time, -1 backwards
@@ -59,7 +63,7 @@ class Clock:
     changes: ClassVar[bool] = False
     refined_by: ClassVar[str] = "dt"
     passage_limits: ClassVar[tuple[float, float, float] | None] = None
-    lets_particles_choose: ClassVar[bool] = False
+    particle_steps: ClassVar[str] = OF_BODIES
     direction: float
     h: float
 
@@ -118,11 +122,25 @@ class Clock:
         """
         raise InputError(f"the steps of {type(self).__name__} have no finer ones, with which a run could be compared.")
 
+    @staticmethod
+    def check_particles(forces: Sequence[BoundForce], *, all_given: bool) -> None:
+        """Raise InputError for what acts on bodies whose massless particles cannot take these steps.
+
+        all_given : whether no body is integrated beside bodies whose motion is given
+        """
+
     def check_bodies(self, strength: Array, bodies: PointMasses, names: Sequence[str]) -> None:
         """Raise InputError for massive bodies at the start of a run for which this clock is unsuitable.
 
         strength : of these, see `orbits.kernels.gravity.pair_sums`; bodies, names : all, with massless ones
         """
+
+    def describe(self, integrator: Any, unit: object = "") -> str:
+        """Return the steps of a method in words, as in: adaptive steps (tolerance 1e-09); "" if they are unknown.
+
+        unit : of time
+        """
+        raise NotImplementedError
 
     def step_times(self, start: float) -> StepTimes:
         """Return what tells a leg that begins at `start` when its steps are."""
@@ -202,6 +220,10 @@ class ConstantSteps(Clock):
             "very close."
             + momenta * " A term that adds as much as m v to the momenta needs orbits.march, without particles."
         )
+
+    def describe(self, integrator: Any, unit: object = "") -> str:
+        """Return the length of the steps in words."""
+        return f"dt = {with_unit(f'{abs(self.h):g}', unit)}" if math.isfinite(self.h) else ""
 
     def coefficients(self, form: Form) -> Any:
         """Return the coefficients of steps of this length."""
@@ -335,6 +357,16 @@ class GridTimes(StepTimes):
     def place_of(self, time: float) -> Place:
         """Return the place of a time less than a step ahead."""
         return Place(self.step, time - self.time)
+
+    def places_of(self, readings: Array) -> Places:
+        """Return whole steps of the leg, and rests of readings that are no whole numbers."""
+        whole = np.floor(readings)
+        steps = whole.astype(np.int64) - self.clock.place(self.start).steps
+        return Places(steps, np.asarray(self.clock.time(readings - whole)))
+
+    def part_until(self, time: float) -> float:
+        """Return the time to another one, in steps."""
+        return (time - self.time) / self.clock.h
 
     def next_place(self) -> Place:
         """Return the place at the end of the next step."""

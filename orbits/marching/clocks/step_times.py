@@ -134,6 +134,14 @@ class StepTimes:
         """Return the place of a time less than a step ahead."""
         raise NotImplementedError
 
+    def places_of(self, readings: Array) -> Places:
+        """Return the places of ascending readings of the clock, (n,), in the march of the leg."""
+        raise NotImplementedError
+
+    def part_until(self, time: float) -> float:
+        """Return which part of a step there is from the time reached to another one: 0 for steps that end there."""
+        return 0.0
+
     def next_place(self) -> Place:
         """Return the place to which the next step leads, or one beyond it."""
         raise NotImplementedError

@@ -204,7 +204,7 @@ class TimeTransformed(ChangingSteps):
         numbers[STEP] = self.step * self.direction
         return numbers
 
-    def describe(self, integrator: Any) -> str:
+    def describe(self, integrator: Any, unit: object = "") -> str:
         """Return the steps of a method in words."""
         return f"steps of {self.step:g} in transformed time"
 

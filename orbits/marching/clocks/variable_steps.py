@@ -16,13 +16,14 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from orbits.errors import IntegrationError, SingularityError
+from orbits.errors import InputError, IntegrationError, SingularityError
+from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form, coefficients_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.constant import OWN, Clock
 from orbits.marching.clocks.step_times import UNLIMITED, Ahead, Behind, Place, Places, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10
@@ -83,7 +84,7 @@ class ChangingSteps(Clock):
 
     changes: ClassVar[bool] = True
     passage_limits: ClassVar[tuple[float, float, float] | None] = math.inf, 1.0, math.inf
-    lets_particles_choose: ClassVar[bool] = True
+    particle_steps: ClassVar[str] = OWN
 
     @property
     def h(self) -> float:  # type: ignore[override]
@@ -101,6 +102,23 @@ class ChangingSteps(Clock):
             + momenta * " Or a term adds as much as m v to the momenta there, which needs orbits.march."
             + forces * " Or a force jumps there, which no polynomial follows: give dt=..."
         )
+
+    @staticmethod
+    def check_particles(forces: Sequence[BoundForce], *, all_given: bool) -> None:
+        """Raise InputError for forces whose internal variables are unknown in particles' own steps, and for bodies that
+        are integrated beside given ones.
+        """
+        spinning = [force.name for force in forces if len(force.inner)]
+        if spinning:
+            raise InputError(
+                f"massless particles take steps of their own, in which the internal variables of {spinning[0]}, such "
+                "as a spin, are not known: give dt=... a length, or the particles a small mass."
+            )
+        if not all_given:
+            raise InputError(
+                "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass "
+                "are integrated along: give dt=..., or set the GM of these to 0."
+            )
 
     def to_be_judged(self, record: Any) -> None:
         """Return None: steps that are chosen resolve all passages."""
@@ -128,10 +146,6 @@ class ChangingSteps(Clock):
         numbers = np.zeros(NUMBERS)
         numbers[DIRECTION], numbers[LIMIT] = self.direction, math.copysign(FARTHEST, self.direction)
         return numbers
-
-    def describe(self, integrator: Any) -> str:
-        """Return the steps of a method in words, as in: adaptive steps (tolerance 1e-09)."""
-        raise NotImplementedError
 
     def step_times(self, start: float) -> ChosenTimes:
         """Return what tells a leg when its steps are; start : the time that terms and forces see when it reads 0."""
@@ -264,6 +278,10 @@ class ChosenTimes(StepTimes):
     def next_place(self) -> Place:
         """Return a place that no step reaches."""
         return Place(0, self.clock.direction * FARTHEST)
+
+    def places_of(self, readings: Array) -> Places:
+        """Return the times since the beginning of the leg."""
+        return self.clock.places(readings - self.start)
 
     def copy_at(self, leg: Any, place: Place) -> dict[str, Array]:
         """Return a copy after the steps that the clock chooses, the last one of which ends at the place."""

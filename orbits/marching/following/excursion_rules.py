@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,22 +14,34 @@ from orbits.integrators.forms import Array, Form, coefficients_of, padded
 from orbits.integrators.gauss import Gauss
 from orbits.kernels.clocks import FIRST, LENGTH
 from orbits.kernels.lanes import WIDTH
+from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.kernels.state import Columns
 from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.constant import OF_BODIES, OWN, Clock
 from orbits.marching.following.alone_in_map import Lone
 from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower
 from orbits.marching.following.in_lanes import GROUP
+from orbits.marching.following.in_steps import Reached, State, hit_by, seen_of, write_lost
+from orbits.marching.following.losses import Contact
 from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.following.own_memory import ByOwnSteps, OwnMemory
-from orbits.marching.following.particle_excursions import EXCURSIONS, MORE_ROWS, Excursions, FieldOfPlanets
+from orbits.marching.following.particle_excursions import (
+    EXCURSIONS,
+    MORE_ROWS,
+    PART,
+    Excursions,
+    FieldOfPlanets,
+    parts_taken,
+)
+from orbits.marching.following.retirement import Lost
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.choice_of_form import form_of_bodies
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.kepler_passages import near_planets
 from orbits.marching.watching.leg_observers import Observers
+from orbits.marching.watching.passage_list import BlockList
 
 METHOD = Gauss(stages=8)
 """The method of a particle's own steps."""
@@ -70,10 +83,19 @@ class WithExcursions(Follower):
     form : of the map; followed : the passages; the other arguments are those of `Follower`
     """
 
-    reads_path: ClassVar[bool] = True
+    reads_path = True
 
-    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, followed: OwnSteps, parameters: Any) -> None:
-        super().__init__(form, n, steps, helpers)
+    def __init__(
+        self,
+        form: Form,
+        n: int,
+        steps: int,
+        helpers: Helpers,
+        coefficients: Any,
+        followed: OwnSteps,
+        parameters: Any,
+    ) -> None:
+        super().__init__(form, n, steps, helpers, coefficients)
         self.following = EXCURSIONS
         self._followed, self._own_form = followed, followed.form.tag
         # Written anew for each block, in which the bodies may be in another order.
@@ -85,6 +107,41 @@ class WithExcursions(Follower):
     def memory_rows(form: Form) -> int:
         """Return the number of rows of eight that each particle keeps from block to block."""
         return form.particle_carry_rows + MORE_ROWS
+
+    def alone(self, state: State) -> NDArray[np.bool_]:
+        """Return which particles are away from the map."""
+        return np.asarray(state["particle_memory"][:, 0, NUMBER] == ELSEWHERE)
+
+    def lists(self, observers: Observers) -> list[BlockList]:
+        """Return the lists of passages by steps of their own."""
+        return observers.own_lists
+
+    def reached(self, state: State, lost: Lost) -> Reached:
+        """Return where lost particles that are away have got to."""
+        away = lost.particles[self.alone(state)[lost.particles]]
+        places = {name: state[f"particle_{name}"][:, away] for name in ("q", "v")}
+        return {"away": away, **places, "memory": state["particle_memory"][away]}
+
+    def put(
+        self, state: State, seen: State, lost: Lost, reached: Reached, contacts: Mapping[int, Contact]
+    ) -> None:
+        """Write where lost particles are seen, or have got to, and their part of a step, into the state of a leg."""
+        out, hit, away = seen_of(seen, lost), hit_by(lost, contacts), list(reached["away"].tolist())
+        for k, particle in enumerate(lost.particles.tolist()):
+            if k in hit:
+                part, place = hit[k].part, (hit[k].q, hit[k].v)
+            elif particle in away:
+                at = away.index(particle)
+                part, place = reached["memory"][at, 0, PART], (reached["q"][:, at], reached["v"][:, at])
+            else:
+                continue
+            out["particle_memory"][k, 0, [NUMBER, PART]] = ELSEWHERE, part
+            out["particle_q"][:, k], out["particle_v"][:, k] = place
+        write_lost(state, lost, out)
+
+    def places(self, state: State) -> tuple[Array | None, Array | None]:
+        """Return the parts of a step that lost particles have taken."""
+        return None, parts_taken(state["particle_memory"])
 
     def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         from orbits.integrators.maps.on_kepler_orbits import in_order
@@ -121,14 +178,12 @@ def follower_of(
 ) -> Follower:
     """Return what marches the massless particles of a march.
 
-    clock : of the march; coefficients : of a step of the method; parameters : of what acts on the bodies
+    clock : of the march; parameters : of what acts on the bodies
     followed : the passages that a map leaves to steps of their own, or None; the others are those of `Follower`
     """
     if followed is not None:
-        return WithExcursions(form, n, steps, helpers, followed, parameters)
-    if clock.lets_particles_choose:
-        return ByOwnSteps(form, n, steps, helpers, coefficients)
-    return Follower(form, n, steps, helpers)
+        return WithExcursions(form, n, steps, helpers, coefficients, followed, parameters)
+    return {OF_BODIES: Follower, OWN: ByOwnSteps}[clock.particle_steps](form, n, steps, helpers, coefficients)
 
 
 def _as_tuple(parameters: Any) -> tuple[Any, ...]:

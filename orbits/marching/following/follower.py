@@ -15,15 +15,17 @@ from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.contract import Block, Followers, Room, follow_block
 from orbits.marching.following.in_lanes import IN_LANES, ONE_BY_ONE
+from orbits.marching.following.in_steps import InSteps
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.leg_observers import Observers
 
 
-class Follower:
+class Follower(InSteps):
     """Massless particles that take the steps of the massive bodies, through their recorded stages.
 
     form : of the method; n : the number of massive bodies; steps : the most in a block; helpers : the threads
+    coefficients : of a step of the method
 
     following : the tag of the way of following; reads_path : whether the states and the carry of the bodies at the
         beginning of each step are to be recorded; shows_samples : whether it shows particles at samples within a block
@@ -33,7 +35,7 @@ class Follower:
     reads_path: ClassVar[bool] = False
     shows_samples: ClassVar[bool] = False
 
-    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers) -> None:
+    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, coefficients: Any) -> None:
         self._helpers, members = helpers, range(helpers.members)
         self.following = IN_LANES if kernel_of(form.tag.type, "width") in (None, WIDTH) else ONE_BY_ONE
         self._own_form: Tag = form.tag  # of the method of a particle's own steps

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from orbits.integrators.canonical.bodies import CanonicalBodies
 from orbits.integrators.collocation.form import Collocation
@@ -13,11 +15,15 @@ from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.bodies_between import PLACES, Field, chart
 from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower
-from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, COLUMNS, OwnStepping, Shared
+from orbits.marching.following.in_steps import Reached, State, hit_by, write_lost
+from orbits.marching.following.losses import Contact
+from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, COLUMNS, REACHED, OwnStepping, Shared
 from orbits.marching.following.own_steps_log import BESIDES, Log
+from orbits.marching.following.retirement import Lost
 from orbits.marching.stepping.alignment import aligned, unwritten
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.leg_observers import Observers
+from orbits.marching.watching.passage_list import BlockList
 
 
 class OwnMemory:
@@ -62,14 +68,13 @@ class ByOwnSteps(Follower):
     """Massless particles with clocks of their own, among massive bodies whose steps are chosen one by one; see
     `orbits.marching.following.own_clocks`.
 
-    coefficients : of a step of the method; the other arguments are those of `Follower`
+    The arguments are those of `Follower`.
     """
 
-    reads_path: ClassVar[bool] = True
-    shows_samples: ClassVar[bool] = True
+    reads_path = shows_samples = True
 
-    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, coefficients: Array) -> None:
-        super().__init__(form, n, steps, helpers)
+    def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, coefficients: Any) -> None:
+        super().__init__(form, n, steps, helpers, coefficients)
         self.following = BY_OWN_STEPS
         self._memories = [OwnMemory(form, coefficients, n, steps) for _ in range(helpers.members)]
         self._arrays = [memory.arrays for memory in self._memories]
@@ -78,6 +83,52 @@ class ByOwnSteps(Follower):
     def more_arrays(m: int) -> dict[str, tuple[int, ...]]:
         """Return the shape of the clocks of m particles."""
         return {"particle_clock": (m, COLUMNS)}
+
+    def sees_falls(self, radius: float) -> bool:
+        """Return whether there is a surface to fall on."""
+        return radius > 0.0
+
+    def ended_by(self, lost: Lost, count: int) -> int:
+        """Return the steps up to the end of the one in which particles are lost: samples in it, and what they hit, may
+        come before.
+        """
+        return min(lost.steps + 1, count)
+
+    def alone(self, state: State) -> NDArray[np.bool_]:
+        """Return all."""
+        return np.ones(len(state["particle_memory"]), dtype=bool)
+
+    def lists(self, observers: Observers) -> list[BlockList]:
+        """Return the lists of passages, all by steps of their own."""
+        return observers.lists
+
+    def reached(self, state: State, lost: Lost) -> Reached:
+        """Return where lost particles have got to."""
+        columns = (f"particle_{name}" for name in ("q", "q_lo", "v", "v_lo"))
+        places = {name: state[name][:, lost.particles] for name in columns}
+        return {**places, "particle_clock": state["particle_clock"][lost.particles]}
+
+    def put(
+        self, state: State, seen: State, lost: Lost, reached: Reached, contacts: Mapping[int, Contact]
+    ) -> None:
+        """Write where lost particles have got to, and when, into the state of a leg."""
+        for k, contact in hit_by(lost, contacts).items():
+            reached["particle_q"][:, k], reached["particle_v"][:, k] = contact.q, contact.v
+            reached["particle_q_lo"][:, k] = reached["particle_v_lo"][:, k] = 0.0
+            reached["particle_clock"][k, REACHED] = contact.time
+        write_lost(state, lost, reached)
+
+    def losing_by(self, leg: Any, time: float) -> Any:
+        """Return a leg that has lost those that are lost by a time in the next step, and no others of this step."""
+        return leg.home.ended_at(time)
+
+    def stop(self, state: State, particles: NDArray[np.intp], time: float) -> None:
+        """Note the time at which particles were lost."""
+        state["particle_clock"][particles, REACHED] = time
+
+    def places(self, state: State) -> tuple[Array | None, Array | None]:
+        """Return the clocks of lost particles."""
+        return state["particle_clock"], None
 
     def _prepare(self, block: Block, watcher: Observers | None, steps: int) -> None:
         if watcher is not None:

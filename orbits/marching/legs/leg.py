@@ -24,6 +24,7 @@ from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.excursion_rules import OwnSteps
+from orbits.marching.following.in_steps import InSteps
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
@@ -35,7 +36,6 @@ from orbits.marching.legs.problem import Problem
 from orbits.marching.legs.record import Record, record
 from orbits.marching.legs.samples_of_particles import samples_of
 from orbits.marching.legs.stepper import State, Stepper
-from orbits.marching.legs.ways import way_of
 from orbits.marching.stepping.motion import Motion
 from orbits.marching.watching.leg_observers import Observers, empty_record, limits_of
 from orbits.marching.watching.passage_list import PassageList
@@ -53,7 +53,7 @@ class Leg(March):
     q, v : (n, 3) float64, the initial state in the order of the caller
     encounters : the watcher for encounters of massive bodies at which all of them leave, or None
 
-    stepper, times, observers, listing, losses, bounds, samples : its parts
+    stepper, times, follower, observers, listing, losses, bounds, samples : its parts
     block : the most steps of a block
     """
 
@@ -66,15 +66,15 @@ class Leg(March):
             followed = OwnSteps.of(problem.lagrangian, gm, int(gm.argmax()), surfaces, problem.integrator.least_steps)
         self.stepper = Stepper(problem, self.times, followed, q, v)
         form, loops = self.stepper.form, self.stepper.loops
-        self.way = way_of(self.clock, form, len(problem.particles) > 0, followed is not None)
+        self.follower: InSteps = loops.follower or InSteps()
         self.block = loops.steps
         state = self.stepper.state
         state["approaches"] = empty_record(len(problem.gm), problem.approaches)
-        sees_dominant = surfaces is not None and self.way.pericentres and bool(surfaces[int(gm.argmax())])
-        limits = limits_of(problem.integrator, self.clock, sees_dominant)
+        falls = surfaces is not None and self.follower.sees_falls(surfaces[int(gm.argmax())])
+        limits = limits_of(problem.integrator, self.clock, falls)
         self.observers = Observers(problem, form, state, loops.times, len(loops.tasks), limits)
         passages = PassageList(problem.gm, self.observers.dominant, limits[0], self.clock)
-        self.listing = Listing(passages, [] if surfaces is None else self.way.lists(self.observers))
+        self.listing = Listing(passages, [] if surfaces is None else self.follower.lists(self.observers))
         self.losses = ParticleLosses(self, q, surfaces, self.observers.dominant)
         self.bounds, self.energy = Bounds(), energy_bound_of(self)
         refusals = Refusals() if problem.integrator.in_encounters.refuse_planets else None
@@ -184,6 +184,10 @@ class Leg(March):
     def state_after(self, offset: float) -> tuple[Array, Array]:
         """Return (q, v) at a time less than a step ahead."""
         return self.state_at(self.times.ahead(offset))
+
+    def ended_at(self, time: float) -> Leg:
+        """Return a leg that has marched on to end at a time less than a step ahead; see `within_step.ended_at`."""
+        return within_step.ended_at(self, time)
 
     def retired(self, by: float | None = None) -> list[Retirement]:
         """Return the particles that were retired, in the order of the caller's bodies; by : see `March.retired`."""

@@ -15,10 +15,10 @@ from orbits.kernels.search.record import COLUMNS, MATE, ROW, WHEN
 from orbits.kernels.steps import NEAR_A_PLANET, OK
 from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.following import losses
+from orbits.marching.following.in_steps import Reached
 from orbits.marching.following.losses import Contact, Suspect
 from orbits.marching.following.retirement import Lost, Retired, Retirement, earlier, hit, retirements
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
-from orbits.marching.legs.ways import Reached
 from orbits.marching.watching import kepler_passages
 
 if TYPE_CHECKING:
@@ -85,9 +85,9 @@ class ParticleLosses(LegWatcher):
         """Note the passages that end the way of particles in the block that was just marched."""
         problem, lists = leg.problem, leg.observers.lists
         if self._surfaces is not None:
-            own = leg.way.lists(leg.observers)
+            own = leg.follower.lists(leg.observers)
             self._deep = losses.passages_within(own, self._surfaces)
-            if leg.way.pericentres and self._surfaces[self._dominant] > 0.0:
+            if leg.follower.sees_falls(self._surfaces[self._dominant]):
                 losses.without_dominant(own, len(problem.bodies), self._dominant)
         if self._judges and leg.listing.is_complete:  # not from a list that is not complete: shorter blocks follow
             where = len(problem.bodies), self._dominant, block.h, leg.step, problem.integrator.least_steps
@@ -123,10 +123,8 @@ class ParticleLosses(LegWatcher):
             return None
         if 0 < lost.steps < count and leg.samples.come_before(lost.steps):
             return Interruption(lost.steps, Kind.LOST)
-        self._found = _Found(lost, leg.step + lost.steps, leg.way.reached(leg.stepper.state, lost), contacts)
-        # With that step, if particles are lost within it: samples in it, and what they hit, may come before.
-        within = leg.way.within and leg.problem.retire and lost.steps < count
-        return Interruption(lost.steps + within, Kind.LOST)
+        self._found = _Found(lost, leg.step + lost.steps, leg.follower.reached(leg.stepper.state, lost), contacts)
+        return Interruption(leg.follower.ended_by(lost, count) if leg.problem.retire else lost.steps, Kind.LOST)
 
     def commit(self, leg: Leg, begun: int, last: Interruption | None) -> IntegrationError | None:
         """Retire the particles that were lost; or return the error for the first, where they are not retired."""
@@ -147,7 +145,7 @@ class ParticleLosses(LegWatcher):
         if not leg.problem.retire:
             body = int(leg.problem.particles[lost.particles[0]])
             return leg.stepper.failure(int(lost.status[0]), 0, [body])
-        leg.way.put(leg, lost, reached, contacts)
+        leg.follower.put(leg.stepper.state, leg.as_seen(lost.particles), lost, reached, contacts)
         self.retired.add(lost, step)
         return None
 
@@ -168,7 +166,7 @@ class ParticleLosses(LegWatcher):
         """
         k = np.searchsorted(leg.problem.particles, [body])
         state = leg.stepper.state
-        leg.way.stop(state, k, time)
+        leg.follower.stop(state, k, time)
         state["particle_q"][:, k], state["particle_v"][:, k] = q[:, None], v[:, None]
         self.retired.add(Lost(0, k, np.array([status])), step)
 
@@ -202,7 +200,7 @@ class ParticleLosses(LegWatcher):
                 leg.times.step = begun
                 leg.loop.replay(step)
                 leg.times.step += step
-                alone = leg.way.alone(leg.stepper.state)[particle]
+                alone = leg.follower.alone(leg.stepper.state)[particle]
                 q, _ = leg.state()
                 return bool(alone and np.linalg.norm(q[pair[0]] - q[pair[1]]) < surfaces[pair[1]])
 
@@ -236,7 +234,7 @@ class ParticleLosses(LegWatcher):
         found = [Suspect(int(p), int(body), min(max(int(k), 0), count - 1)) for p, body, k in pairs]
         path = leg.observers.recorded(count)[:, :, : 3 * n].reshape(count + 1, 2, 3, n)
         state = leg.stepper.state
-        own = leg.way.alone(state) & (self.retired.table()[:, 0] == OK)
+        own = leg.follower.alone(state) & (self.retired.table()[:, 0] == OK)
         lost = own & self.retired.gone()
         q, v = state["particle_q"][:, :m], state["particle_v"][:, :m]
         there = np.flatnonzero(own & ~lost)
@@ -258,7 +256,7 @@ class ParticleLosses(LegWatcher):
         if not len(problem.particles) or (self.retired.table()[:, 0] == OK).all():
             return []
         names = [problem.name(body) for body in problem.bodies.tolist()]
-        places = leg.way.places(state)
+        places = leg.follower.places(state)
         return retirements(
             self.retired.table(), state["particle_q"], state["particle_v"], problem.particles, *places, names
         )

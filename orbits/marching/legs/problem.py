@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from orbits.errors import InputError
 from orbits.forces.base import BoundForce
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array, Form
@@ -54,8 +53,8 @@ class Problem:
     start : the time at which the leg begins; with a clock whose steps differ, which counts from 0, that which terms
         and forces see when it reads 0
     dense : whether each step is recorded for `motion`
-    surfaces : (n,), radii of the bodies: massless particles that are followed in encounters, or by chosen steps, are
-        retired if they hit one
+    surfaces : (n,), radii of the bodies, if massless particles take steps of their own in encounters, in which they
+        are retired if they hit one
     underway : whether it begins in a state of a run that is over, which decided which particles are retired before
         encounters: here they are not, and may be in one
     approaches : whether closest approaches are looked for; passages that the steps may not resolve are in any case
@@ -106,9 +105,7 @@ class Problem:
     @property
     def surfaces_of_bodies(self) -> Array | None:
         """Radii of the massive bodies on which particles that take steps of their own may fall, (massive,), or None."""
-        chosen = self.clock.lets_particles_choose and self.retire
-        follows = len(self.particles) > 0 and self.integrator.in_encounters.follow_particles
-        if self.surfaces is None or not (chosen or follows):
+        if self.surfaces is None or not len(self.particles):
             return None
         return np.asarray(self.surfaces, dtype=np.float64)[self.bodies]
 
@@ -124,12 +121,9 @@ class Problem:
         """The form of the method that marches it. Raises InputError if there is none."""
         with_particles, given = len(self.particles) > 0, (self.integrator, self.lagrangian, self.clock)
         form = form_of_bodies(*given, with_particles=with_particles, forces=self.forces)
-        given_all = not self.has_given or form.held(self.parameters) == len(self.bodies)
-        if with_particles and self.clock.lets_particles_choose and not given_all:
-            raise InputError(
-                "massless bodies take steps of their own among bodies of an ephemeris, but not if others with a mass "
-                "are integrated along: give dt=..., or set the GM of these to 0."
-            )
+        if with_particles:
+            all_given = not self.has_given or form.held(self.parameters) == len(self.bodies)
+            self.clock.check_particles(self.forces, all_given=all_given)
         return form.for_bodies(len(self.bodies))
 
     @property

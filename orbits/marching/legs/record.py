@@ -65,7 +65,7 @@ def record(leg: Leg, end: float) -> Record:
             leg.advance_to(leg.clock.place(end))
             within_step.end_at(leg, end)  # nothing with constant steps
     known = seen_by(leg)
-    if not 0.0 < (end - leg.time) / leg.clock.h < 1.0:  # nor with chosen steps, which have no common length
+    if not 0.0 < leg.times.part_until(end) < 1.0:
         return known
     try:
         part = seen_by(within_step.ended_at(leg, end))

@@ -162,8 +162,7 @@ class Stepper:
         clock = ConstantSteps(part)
         numbers = clock.numbers(time, 0)
         self.form.forget(seen["memory"])
-        if not self.form.keeps_particles:
-            seen["particle_memory"][:] = 0.0
+        self.form.forget_particles(seen["particle_memory"])
         self.loops.enter(seen, clock, retired)
         self.bodies(seen, self.state, clock, numbers, _NOTHING, 1)
         self.particles(seen, clock, numbers, retired, None, 1)

@@ -18,6 +18,7 @@ from orbits.marching.clocks.constant import Clock
 from orbits.marching.clocks.step_times import Behind
 from orbits.marching.following.contract import NO_SAMPLES, Block, Followers, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of
+from orbits.marching.following.follower import Follower
 from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.stepping import driver
 from orbits.marching.stepping.alignment import aligned, unwritten
@@ -58,7 +59,8 @@ class BoundLoops:
 
     steps : the most steps of a block; kicks : (steps, rows, 8), the carries of a block, with no steps if not `dense`
     state : the arrays that a march changes, by the names that archives have for them; see `Leg`
-    shows_samples : whether massless particles are shown at samples within a block
+    follower : what marches massless particles, if there are any
+    shows_samples : whether they are shown at samples within a block
     """
 
     def __init__(
@@ -90,12 +92,12 @@ class BoundLoops:
         self._pool = Pool(workers, own=int(not many)) if workers else None
         self.parallel = Parallel(n, threads, self._pool) if many else None
         self._helpers = Helpers(self._pool, others, lingers=not many)
-        self._follower = None
+        self.follower: Follower | None = None
         if m:
             of_bodies = form, n, self.steps, self._helpers
-            self._follower = follower_of(clock, *of_bodies, self._usual, vectors, followed)
+            self.follower = follower_of(clock, *of_bodies, self._usual, vectors, followed)
         vector, columns = (padded(3 * n),), (3, padded(m))
-        rows = 0 if self._follower is None else self._follower.memory_rows(form)
+        rows = 0 if self.follower is None else self.follower.memory_rows(form)
         shapes: dict[str, tuple[int, ...]] = {
             "q": vector,
             "q_lo": vector,
@@ -108,15 +110,15 @@ class BoundLoops:
             "particle_v_lo": columns,
             "particle_memory": (m, rows, WIDTH),
         }
-        if self._follower is not None:
-            shapes |= self._follower.more_arrays(m)
+        if self.follower is not None:
+            shapes |= self.follower.more_arrays(m)
         stages, begun = (self.steps if m else 1, *shape), shapes["memory"] if m else (0, WIDTH)
         (self._stages,) = unwritten(stages)
         self._scratch, *arrays, self._begun = aligned(form.scratch_shape(3 * n), *shapes.values(), begun)
         self.state: dict[str, Array] = dict(zip(shapes, arrays, strict=True))
         self.times = np.zeros(clock.room(self.steps, 4 * vector[0] + math.prod(shapes["memory"])))
-        self._reads_path = self._follower is not None and self._follower.reads_path
-        self.shows_samples = self._follower is not None and self._follower.shows_samples
+        self._reads_path = self.follower is not None and self.follower.reads_path
+        self.shows_samples = self.follower is not None and self.follower.shows_samples
         recorded = self._reads_path or self.records_carries(dense)
         self.kicks = np.empty((self.steps if recorded else 0, form.carry_rows(3 * n), WIDTH))
         self._keeps, self._keeps_lows, self._lows = False, False, _NOTHING
@@ -127,12 +129,12 @@ class BoundLoops:
         # What the records for particles were made of, and these: of the march itself, and of copies, not observed.
         self._bound_to: dict[bool, tuple[Any, Any]] = dict.fromkeys((False, True), ([None] * 8, None))
         self.tasks = range(self._helpers.members if m else 0)
-        self.tracks = [np.zeros((0, WIDTH))] if self._follower is None else [self._follower.track]
+        self.tracks = [np.zeros((0, WIDTH))] if self.follower is None else [self.follower.track]
 
     @property
     def kind(self) -> tuple[Any, ...]:
         """What is compiled for it: the same for those that need the same."""
-        following = "" if self._follower is None else self._follower.following.name
+        following = "" if self.follower is None else self.follower.following.name
         return self._form.tag.name, self._tag.name, following, self.parallel is None
 
     @property
@@ -276,7 +278,7 @@ class BoundLoops:
 
         retired : see `Retired.block`; watcher : what observes them, or None; samples : within the block, to be shown
         """
-        if self._follower is None:
+        if self.follower is None:
             return 0
         form, coefficients, tag, parameters, timing, now, times = bound
         if len(self._now) != len(now):
@@ -295,7 +297,7 @@ class BoundLoops:
             )
             self._bound_to[watcher is None] = sources, records
         block, particles = records
-        return self._follower.follow((form, tag, timing), block, particles, watcher)
+        return self.follower.follow((form, tag, timing), block, particles, watcher)
 
     def close(self) -> None:
         """Release the threads; what is still asked for is computed by the caller's."""

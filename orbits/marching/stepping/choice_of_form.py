@@ -75,12 +75,6 @@ def _of_point_masses(
     form = clock.adapted(form)
     if with_particles and MASSLESS_PARTICLES not in lagrangian.traits:
         raise InputError(f"'{lagrangian.name}' does not define how massless particles move; give them a small mass.")
-    spinning = [force.name for force in forces if len(force.inner)]
-    if with_particles and clock.lets_particles_choose and spinning:
-        raise InputError(
-            f"massless particles take steps of their own, in which the internal variables of {spinning[0]}, such as a "
-            "spin, are not known: give dt=... a length, or the particles a small mass."
-        )
     form = form.for_particles() if with_particles else form
     if with_particles and not form.serves_particles:
         raise InputError(

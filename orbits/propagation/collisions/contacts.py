@@ -225,14 +225,14 @@ class Contacts:
 
         massive, radii, order = np.flatnonzero(of.present_massive()), of.bodies.radii, of.integrator.order
         step = Step(start.time, end.time, q, v, at, massive, start.problem.strength[: 1 + len(massive)])
-        if not start.clock.lets_particles_choose or of.massive.all():
-            return impacts(step, radii, collisions.passes, order)
+        alone = np.zeros(len(of.massive), dtype=bool)
+        alone[of.there & ~of.massive] = start.follower.alone(start.stepper.state)
         for x in (*step.before, *step.after):
-            x[~of.massive] = np.nan
+            x[alone] = np.nan
         found = impacts(step, radii, collisions.passes, order)
         numbers = np.flatnonzero(of.there)
         for particle in numbers[end.touching].tolist():
-            if of.bodies.present[particle]:
+            if alone[particle] and of.bodies.present[particle]:
                 large = massive[radii[massive] + radii[particle] > 0.0].tolist()
                 pairs = [(min(body, particle), max(body, particle)) for body in large]
                 found += impacts(self._step_of(particle, start, step), radii, collisions.passes, order, pairs)

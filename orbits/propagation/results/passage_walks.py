@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Hashable, Sequence
 from typing import TYPE_CHECKING, Protocol
 
@@ -33,39 +32,31 @@ class Walk:
         wanted = system.massive.copy()
         wanted[list(bodies)] = True
         self.bodies = np.flatnonzero(wanted)
-        self._clock, self._begun, self._place = trajectory.clock, time, Place(0, 0.0)
-        self._first, rest = trajectory.clock.place(time)
+        self._clock, self._place = trajectory.clock, Place(0, 0.0)
         self._integrator, self._system = trajectory.integrator, system
         if most_inner(system) and sample >= 0:
             self._system = continued(system, accounts_of(trajectory)[sample])
         self._excursions = trajectory.excursions
         self.marcher = self._bound(q[wanted], v[wanted], time)
-        if rest != 0.0 and not self._clock.changes:
-            at = self._clock.time(self._first)
+        start = self._clock.step_begin(time)
+        if start != time:
             home, names = self.marcher.home, [system.names[i] for i in self.bodies]
-            state = home.state_after(-rest)
+            state = home.state_after(start - time)
             if most_inner(system):
                 self._system = continued(self._system, home.accounts(), names)
-            self.marcher = self._bound(*state, at)
+            self.marcher = self._bound(*state, start)
 
     def to(self, step: float) -> None:
         """March on to the beginning of a step, given by the reading of the clock, which must lie ahead."""
-        if self._clock.changes:
-            self._place = Place(0, step - self._begun)
-        else:  # passages between two steps, of bodies that took chosen ones there, have their state within a step
-            self._place = Place(math.floor(step) - self._first, (step - math.floor(step)) * self._clock.h)
+        # Passages between two steps of a map, of bodies that took chosen ones there, have their state within a step.
+        self._place = self.marcher.home.times.places_of(np.array([step])).at(0)
         self.marcher.advance_to(self._place)
 
     def states(self, steps: Array) -> tuple[Array, Array]:
         """March on, and return q and v of its bodies, (m, bodies, 3), at the beginnings of m steps ahead, in order."""
-        places, rows = np.unique(np.abs(steps), return_inverse=True)
-        q, v = np.empty((2, len(places), len(self.bodies), 3))
-        if not self._clock.changes:
-            for k, step in enumerate(places.tolist()):
-                self.to(step)
-                q[k], v[k] = self.after(0.0)
-            return q[rows], v[rows]
-        for some, *states in self.marcher.along(self._clock.places(self._clock.direction * places - self._begun)):
+        _, first, rows = np.unique(np.abs(steps), return_index=True, return_inverse=True)
+        q, v = np.empty((2, len(first), len(self.bodies), 3))
+        for some, *states in self.marcher.along(self.marcher.home.times.places_of(steps[first])):
             q[some], v[some] = states
         return q[rows], v[rows]
 

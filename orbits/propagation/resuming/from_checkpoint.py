@@ -79,19 +79,11 @@ def last_sample(archive: Archive, committed: int) -> Sample | None:
 
 def _check_place(marcher: March, grid: TimeGrid, committed: int, path: str | PathLike[str]) -> None:
     """Refuse a checkpoint that does not lie between the last stored sample and the next one."""
-    if grid.clock.changes:
-        following = float(grid.goals[committed])
-        if not (following - marcher.time) * grid.direction >= 0.0:
-            raise ArchiveError(
-                f"{path} is damaged: its checkpoint is at {marcher.time:.10g}, behind the next sample, "
-                f"{following:.10g}. Restore it from a copy."
-            )
-        return
-    steps = grid.steps
+    following = float(grid.goals[committed])
     # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
-    last = int(steps[committed - 1]) if committed and marcher.current.leg is marcher.home else 0
-    if not last <= marcher.step <= int(steps[committed]):
+    last = int(grid.steps[committed - 1]) if committed and marcher.current.leg is marcher.home else 0
+    if marcher.step < last or not (following - marcher.time) * grid.direction >= 0.0:
         raise ArchiveError(
-            f"{path} is damaged: its checkpoint is at step {marcher.step}, but the samples before and after it are at "
-            f"steps {last} and {int(steps[committed])}. Restore it from a copy."
+            f"{path} is damaged: its checkpoint is at step {marcher.step}, {marcher.time:.10g}, but the sample before "
+            f"it is at step {last} or later, and the next one at {following:.10g}. Restore it from a copy."
         )

@@ -177,12 +177,9 @@ def _run(archive: Archive) -> str:
     """Return what a run is."""
     from orbits.trajectory.archived import made_by
 
-    grid = archive.grid
-    steps = f"dt = {with_unit(f'{grid.dt:g}', archive.system.units.time)}"
-    if grid.clock.changes:
-        steps = "steps that are chosen"
-    bodies = counted(len(archive.system), "body")
-    told = f"holds its checksum: {bodies}, {made_by(archive)[0].label}, {steps}"
+    bodies, method = counted(len(archive.system), "body"), made_by(archive)[0]
+    steps = archive.grid.clock.describe(method, archive.system.units.time)
+    told = f"holds its checksum: {bodies}, {method.label}, {steps}"
     return told if archive.origin is None else f"{told}; scenario {archive.origin}"
 
 

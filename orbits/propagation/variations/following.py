@@ -163,7 +163,7 @@ def at_samples(
         place = grid.place(sample)
         for motion, _ in within_step.stretches(march, place):
             tangents.follow(motion)
-        if not exactly or (march.time == time if grid.clock.changes else place.rest == 0.0):
+        if not exactly or march.leg.times.is_at(place):
             yield tangents, march.time
             continue
         part = tangents.branched()

@@ -166,9 +166,7 @@ def state_transition_of(
 
 def made_by(system: System, integrator: Integrator, grid: TimeGrid) -> str:
     """Return method and steps in words."""
-    if grid.clock.changes:
-        return f"{integrator.label}, {grid.clock.describe(integrator)}"  # type: ignore[attr-defined]
-    return f"{integrator.label}, dt = {grid.dt:g} {system.units.time}".rstrip()
+    return f"{integrator.label}, {grid.clock.describe(integrator, system.units.time)}"
 
 
 def _forget_retired(system: System, integrator: Integrator, grid: TimeGrid, out: Array) -> None:
