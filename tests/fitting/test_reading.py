@@ -198,6 +198,8 @@ def test_what_is_written_is_read(ra, dec, day, part):
         ("0001P", "J82U010", "1P"),
         ("0073P", "      b", "73P-B"),  # other bodies than 73P
         ("0073P", "     bb", "73P-BB"),
+        ("J013S", "", "J013S"),  # not unpacked, and as it is: it was "J013S/"
+        ("", "boops", "boops"),
     ],
 )
 def test_packed_names_are_unpacked(number, provisional, name):
