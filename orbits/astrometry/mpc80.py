@@ -30,6 +30,10 @@ WIDTH = 80
 MODES = " PeCTMcEHNnABVSRD"
 """Column 15 of records that are used: kinds of detector, and the first lines of two."""
 
+SECONDS = 86400.0
+HALF_A_DIGIT = 0.0433
+"""Seconds: half of the sixth decimal of a day, in which a radar echo may change by microseconds."""
+
 SECOND = {"V": "v", "S": "s", "R": "r"}
 UNUSED = {
     "X": "replaced by a later measurement of the same exposure",
@@ -171,7 +175,9 @@ def _radar(head: Record, line: str, second: str) -> list[Record]:
     if second[32] not in "SC":
         raise Unusable(f"the point of reflection is {second[32]!r}; expected S or C")
     frequency = number((line[62:67] + "." + line[67] + second[62:67]).replace(" ", ""), "frequency", 1.0, 1e6)
-    head = head._replace(transmitter=transmitter, frequency=frequency, surface=second[32] == "S")
+    head = head._replace(
+        part=_second(head.part), transmitter=transmitter, frequency=frequency, surface=second[32] == "S"
+    )
     out = []
     if line[32:47].strip():
         delay, sigma = (_pointed(x[a:43], x[43:47], "delay") for x, a in ((line, 32), (second, 33)))
@@ -182,6 +188,14 @@ def _radar(head: Record, line: str, second: str) -> list[Record]:
     if not out:
         raise Unusable("neither a delay nor a Doppler shift")
     return out
+
+
+def _second(part: float) -> float:
+    """Return the part of a day at the whole second, as times of radar are, that six decimals of it stand for; as it is
+    if they stand for none.
+    """
+    whole = round(part * SECONDS)
+    return whole / SECONDS if abs(part * SECONDS - whole) < HALF_A_DIGIT else part
 
 
 def _pointed(whole: str, part: str, what: str) -> float:
