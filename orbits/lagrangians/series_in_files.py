@@ -67,7 +67,6 @@ class _Segment(NamedTuple):
     records: int
 
 
-@lru_cache(maxsize=8)
 def series_of(files: tuple[str, ...], targets: tuple[int, ...], jd1: float, jd2: float) -> Series:
     """Return the series of bodies relative to the Solar System barycentre, au and days.
 
@@ -77,6 +76,20 @@ def series_of(files: tuple[str, ...], targets: tuple[int, ...], jd1: float, jd2:
     Raises InputError for a file that cannot be read, or lacks a body, naming it; EpochError if the epoch is not
     covered.
     """
+    return _series_of(files, tuple(_stamp(path) for path in files), targets, jd1, jd2)
+
+
+def _stamp(path: str) -> tuple[int, ...]:
+    """Return what is another when a file is replaced or written again."""
+    now = os.stat(path)
+    return now.st_dev, now.st_ino, now.st_size, now.st_mtime_ns
+
+
+@lru_cache(maxsize=8)
+def _series_of(
+    files: tuple[str, ...], stamps: tuple[tuple[int, ...], ...], targets: tuple[int, ...], jd1: float, jd2: float
+) -> Series:
+    """Return what `series_of` does, once for files that stay as they are."""
     words = [_mapped(path) for path in files]
     found: dict[int, list[_Segment]] = {}
     for file, path in enumerate(files):

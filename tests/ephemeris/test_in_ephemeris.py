@@ -163,6 +163,18 @@ def test_an_spk_file_of_a_run_is_an_ephemeris_at_its_epoch_and_to_its_ends(tmp_p
         orbits.propagate(dust, duration=days * (1.0 + 5e-9), samples=2, progress=False)
 
 
+def test_a_file_that_was_replaced_is_read_anew(tmp_path):
+    """It was as when it was first read in the process, and a system made before went on with that, without a word."""
+    began = orbits.System.solar_system("2020-03-01", bodies=["Sun", "Mars"], origin="ssb")
+    path, made = tmp_path / "own.bsp", []
+    for system in (began, began.replaced(v=1.01 * began.v)):
+        orbits.propagate(system, duration=20.0, samples=2, progress=False).to_spk(path, overwrite=True)
+        made.append(orbits.System.in_ephemeris(str(path), epoch=began.epoch, bodies=began.names))
+        assert np.abs(made[-1].v.value - system.v.value).max() < 1e-12  # of a tolerance of a metre in eight days
+    with pytest.raises(InputError, match=r"own\.bsp has other numbers than when the system was made"):
+        orbits.propagate(made[0].add("dust", primary="Sun", a=1.4), duration=10.0, progress=False)
+
+
 def test_a_run_that_was_interrupted_goes_on_to_the_same_bits(apophis, run, tmp_path):
     calls = []
 
