@@ -18,6 +18,7 @@ from orbits.astrometry.record import (
     Place,
     Record,
     Unusable,
+    microseconds,
     midnight,
     number,
     require_place,
@@ -180,10 +181,11 @@ def _radar(head: Record, line: str, second: str) -> list[Record]:
     )
     out = []
     if line[32:47].strip():
-        delay, sigma = (_pointed(x[a:43], x[43:47], "delay") for x, a in ((line, 32), (second, 33)))
-        out.append(head._replace(kind=DELAY, value=delay * 1e-6, sigma=sigma * 1e-6))
+        pointed = (_pointed(x[a:43], x[43:47]) for x, a in ((line, 32), (second, 33)))
+        delay, sigma = (microseconds(x, "delay") for x in pointed)
+        out.append(head._replace(kind=DELAY, value=delay, sigma=sigma))
     if line[47:62].strip():
-        shift, sigma = (_pointed(x[47:58], x[58:62], "Doppler shift") for x in (line, second))
+        shift, sigma = (number(_pointed(x[47:58], x[58:62]), "Doppler shift") for x in (line, second))
         out.append(head._replace(kind=DOPPLER, value=shift, sigma=sigma))
     if not out:
         raise Unusable("neither a delay nor a Doppler shift")
@@ -198,5 +200,5 @@ def _second(part: float) -> float:
     return whole / SECONDS if abs(part * SECONDS - whole) < HALF_A_DIGIT else part
 
 
-def _pointed(whole: str, part: str, what: str) -> float:
-    return _signed(f"{whole.strip() or '0'}.{part.strip()}", what)
+def _pointed(whole: str, part: str) -> str:
+    return f"{whole.strip() or '0'}.{part.strip()}".replace(" ", "")
