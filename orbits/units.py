@@ -220,7 +220,7 @@ class UnitSystem:
         if isinstance(x, np.ma.MaskedArray):
             raise InputError(f"{what} is a masked array; expected plain numbers, as masked values are undefined.")
         try:
-            x = _gathered(x)
+            x = gathered(x)
             if isinstance(x, u.Quantity):
                 x = x.to_value(unit)
             if isinstance(x, np.ndarray) and np.any(getattr(x, "mask", False)):
@@ -285,12 +285,16 @@ def _unit(unit: Any, what: str, kind: u.UnitBase) -> u.UnitBase:
         raise InputError(f"{what} is {shown(unit)}; expected an astropy unit such as u.km ({reason}).") from error
 
 
-def _gathered(x: Any) -> Any:
-    """Return nested lists of quantities as one quantity, a bare unit as one of it, anything else unchanged."""
+def gathered(x: Any) -> Any:
+    """Return nested lists of quantities as one quantity, so a column of a table with a unit, and a bare unit as one of
+    it; anything else unchanged.
+    """
     if isinstance(x, u.UnitBase):
         return u.Quantity(1.0, x)
+    if isinstance(getattr(x, "unit", None), u.UnitBase) and not isinstance(x, u.Quantity):
+        return u.Quantity(x)
     if isinstance(x, list | tuple):
-        rows = [_gathered(row) for row in x]
+        rows = [gathered(row) for row in x]
         if any(isinstance(row, u.Quantity) for row in rows):
             return u.Quantity(rows)
     return x

@@ -9,7 +9,7 @@ import json
 from collections.abc import Iterator, Sequence
 
 from orbits.astrometry import ades
-from orbits.astrometry.record import Ignored, Record, Unusable, number
+from orbits.astrometry.record import Ignored, Record, Unusable, microseconds
 
 COLUMNS = ("des", "epoch", "value", "sigma", "units", "freq", "rcvr", "xmit", "bp")
 """Of the text, and the fields of JSON: body, UTC of the reception, microseconds or Hz, MHz, antennas, bounce point."""
@@ -53,7 +53,7 @@ def _record(at: int, cells: Sequence[str]) -> Record:
     if unit not in ("us", "Hz") or bounce not in ("C", "P"):
         raise Unusable(f"the unit is {unit!r}, the bounce point {bounce!r}; expected us or Hz, C or P")
     if unit == "us":
-        measured = {"delay": repr(number(value, "the delay") * 1e-6), "rmsDelay": sigma}
+        measured = {"delay": repr(microseconds(value, "the delay")), "rmsDelay": sigma}
     else:
         measured = {"doppler": value, "rmsDoppler": sigma}
     words = body.split()

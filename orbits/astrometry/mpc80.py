@@ -18,6 +18,7 @@ from orbits.astrometry.record import (
     Place,
     Record,
     Unusable,
+    microseconds,
     midnight,
     number,
     require_place,
@@ -29,6 +30,10 @@ from orbits.observing.stations import on_the_ellipsoid
 WIDTH = 80
 MODES = " PeCTMcEHNnABVSRD"
 """Column 15 of records that are used: kinds of detector, and the first lines of two."""
+
+SECONDS = 86400.0
+HALF_A_DIGIT = 0.0433
+"""Seconds: half of the sixth decimal of a day, in which a radar echo may change by microseconds."""
 
 SECOND = {"V": "v", "S": "s", "R": "r"}
 UNUSED = {
@@ -171,18 +176,29 @@ def _radar(head: Record, line: str, second: str) -> list[Record]:
     if second[32] not in "SC":
         raise Unusable(f"the point of reflection is {second[32]!r}; expected S or C")
     frequency = number((line[62:67] + "." + line[67] + second[62:67]).replace(" ", ""), "frequency", 1.0, 1e6)
-    head = head._replace(transmitter=transmitter, frequency=frequency, surface=second[32] == "S")
+    head = head._replace(
+        part=_second(head.part), transmitter=transmitter, frequency=frequency, surface=second[32] == "S"
+    )
     out = []
     if line[32:47].strip():
-        delay, sigma = (_pointed(x[a:43], x[43:47], "delay") for x, a in ((line, 32), (second, 33)))
-        out.append(head._replace(kind=DELAY, value=delay * 1e-6, sigma=sigma * 1e-6))
+        pointed = (_pointed(x[a:43], x[43:47]) for x, a in ((line, 32), (second, 33)))
+        delay, sigma = (microseconds(x, "delay") for x in pointed)
+        out.append(head._replace(kind=DELAY, value=delay, sigma=sigma))
     if line[47:62].strip():
-        shift, sigma = (_pointed(x[47:58], x[58:62], "Doppler shift") for x in (line, second))
+        shift, sigma = (number(_pointed(x[47:58], x[58:62]), "Doppler shift") for x in (line, second))
         out.append(head._replace(kind=DOPPLER, value=shift, sigma=sigma))
     if not out:
         raise Unusable("neither a delay nor a Doppler shift")
     return out
 
 
-def _pointed(whole: str, part: str, what: str) -> float:
-    return _signed(f"{whole.strip() or '0'}.{part.strip()}", what)
+def _second(part: float) -> float:
+    """Return the part of a day at the whole second, as times of radar are, that six decimals of it stand for; as it is
+    if they stand for none.
+    """
+    whole = round(part * SECONDS)
+    return whole / SECONDS if abs(part * SECONDS - whole) < HALF_A_DIGIT else part
+
+
+def _pointed(whole: str, part: str) -> str:
+    return f"{whole.strip() or '0'}.{part.strip()}".replace(" ", "")

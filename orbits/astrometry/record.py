@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import math
 import re
+from decimal import Decimal
 from typing import NamedTuple
 
 from orbits.observing.stations import stations
@@ -95,6 +96,12 @@ def number(text: str, what: str, least: float = -math.inf, most: float = math.in
     if not least <= found <= most:
         raise Unusable(f"{what} is {cleaned}; expected {least:g} to {most:g}")
     return found
+
+
+def microseconds(text: str, what: str) -> float:
+    """Return microseconds as seconds, rounded once, as in formats that have seconds. Raises Unusable as `number`."""
+    number(text, what)
+    return float(Decimal(text.strip()).scaleb(-6))
 
 
 def require_place(station: str, place: Place | None) -> None:

@@ -125,4 +125,4 @@ def name(number_columns: str, designation_columns: str) -> str:
             named = f"{CENTURIES[century] + int(year)} {half}{10 * DIGITS.index(tens) + int(ones)}{part}"
         else:
             named = provisional
-    return f"{numbered}/{named}" if numbered else named
+    return "/".join(part for part in (numbered, named) if part)

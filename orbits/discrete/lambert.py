@@ -10,9 +10,13 @@ eccentric anomalies, or rather of u = psi^2: > 0 on an ellipse, 0 on a parabola,
     v0 = k (q1 - q0 + s eta^2 q0/r0),   v1 = k (q1 - q0 - s eta^2 q1/r1),   k = sqrt(mu/2)/(lambda s^{3/2} eta)
 
 This is alpha - beta = 2 psi in Lagrange's form of the theorem, and L_d = sqrt(mu a) [(alpha + sin alpha) - (beta + sin
-beta)] + mu h/(2a), in a form without cancellation and without 0/0 at the parabola. T increases from 0 to infinity with
-u, so there is one arc of less than one revolution for each way round. At 180 degrees lambda = 0: the plane of the orbit
-is not determined, and L_d is not differentiable.
+beta)] + mu h/(2a), without 0/0 at the parabola. On hyperbolas of the long way terms cancel, but not in
+
+    T(u) = eta {(1 + lambda)^2 (psi - sin psi cos psi) - 2 lambda (1 + cos psi) (psi - sin psi)}/sin^3 psi
+    L_d = sqrt(2 mu s) [3/2 eta psi/sin psi + {(1 + lambda^2)/2 cos psi - lambda}/eta]
+
+T increases from 0 to infinity with u, so there is one arc of less than one revolution for each way round. At 180
+degrees lambda = 0: the plane of the orbit is not determined, and L_d is not differentiable.
 
 Source: Battin (1999), sec. 6.6-7.1; Izzo (2015) for x = (cos psi - lambda)/eta, y = eta + lambda x.
 """
@@ -63,13 +67,11 @@ def stumpff(z: float) -> tuple[float, float, float, float, float, float]:
 
 
 class _Arc(NamedTuple):
-    """The functions of u at one arc: eta, T, psi/sin psi, cos psi, sin^2 psi, and derivatives."""
+    """The functions of u at one arc: eta, T, L_d / sqrt(2 mu s), and derivatives."""
 
     eta: float
     time: float
-    ratio: float
-    cos: float
-    sin2: float
+    action: float
     eta_u: float
     time_u: float
     eta_lambda: float
@@ -78,28 +80,38 @@ class _Arc(NamedTuple):
 
 def _arc(u: float, way: float, gap: float, eta2: float | None = None) -> _Arc:
     """Return the functions of u; way is lambda, gap is 1 - |lambda|, small for short arcs."""
-    cos, ratio1, c2, c3, _, _ = stumpff(u)
+    cos, ratio1, c2, c3, c4, c5 = stumpff(u)
     _, _, _, wide3, wide4, wide5 = stumpff(4.0 * u)
     if eta2 is None:  # 4 lambda sin^2(psi/2), or for the long way 4 |lambda| cos^2(psi/2)
         eta2 = gap * gap + (2.0 * way * u * c2 if way >= 0.0 else -2.0 * way * (1.0 + cos))
     if not eta2 > 0.0:
-        return _Arc(0.0, 0.0, 1.0, cos, 0.0, math.inf, math.inf, 0.0, 0.0)
+        return _Arc(0.0, 0.0, 0.0, math.inf, math.inf, 0.0, 0.0)
     eta = math.sqrt(eta2)
-    # K = (psi - sin cos)/sin^3 and its derivative: c1' = (c3 - c2)/2, c3' = (3 c5 - c4)/2.
+    # K = (psi - sin cos)/sin^3 and its derivative: c1' = (c3 - c2)/2, c3' = (3 c5 - c4)/2. T = eta B.
     K = 4.0 * wide3 / ratio1**3
     K_u = 8.0 * (3.0 * wide5 - wide4) / ratio1**3 - 1.5 * K * (c3 - c2) / ratio1
+    if way >= 0.0:
+        B, B_u = eta2 * K + 2.0 * way, way * ratio1 * K + eta2 * K_u
+        B_lambda = 2.0 * (way - cos) * K + 2.0
+    else:  # W = (1 + cos)(psi - sin)/sin^3
+        W = (1.0 + cos) * c3 / ratio1**3
+        W_u = ((1.0 + cos) * (1.5 * c5 - 0.5 * c4) - 0.5 * ratio1 * c3) / ratio1**3 - 1.5 * W * (c3 - c2) / ratio1
+        B, B_u = gap * gap * K - 2.0 * way * W, gap * gap * K_u - 2.0 * way * W_u
+        B_lambda = 2.0 * gap * K - 2.0 * W
+    if way < 0.0 and u < 0.0:
+        rest = (0.5 * (1.0 + way * way) * cos - way) / eta
+    else:
+        rest = 0.5 * eta * cos - way * u * ratio1 * ratio1 / eta
     eta_u = 0.5 * way * ratio1 / eta
     eta_lambda = (way - cos) / eta
     return _Arc(
         eta,
-        eta2 * eta * K + 2.0 * way * eta,
-        1.0 / ratio1,
-        cos,
-        u * ratio1 * ratio1,
+        eta * B,
+        1.5 * eta / ratio1 + rest,
         eta_u,
-        3.0 * eta2 * eta_u * K + eta2 * eta * K_u + 2.0 * way * eta_u,
+        eta_u * B + eta * B_u,
         eta_lambda,
-        (3.0 * eta2 * K + 2.0 * way) * eta_lambda + 2.0 * eta,
+        eta_lambda * B + eta * B_lambda,
     )
 
 
@@ -189,12 +201,11 @@ class ExactKepler(DiscreteLagrangian):
     def _first(self, q0: Array, q1: Array, h: float, t: float) -> tuple[float, Array, Array]:
         arc = self._transfer(q0, q1, h)
         at, s = arc.at, arc.s
-        action = 1.5 * at.eta * at.ratio + 0.5 * at.eta * at.cos - arc.way * at.sin2 / at.eta
         k, y = self._speed(arc), s * at.eta * at.eta
         dq = q1 - q0
         v0, v1 = k * (dq + y / arc.r0 * q0), k * (dq - y / arc.r1 * q1)
         m = self.mass * arc.sign
-        return m * math.sqrt(2.0 * self.gm * s) * action, -m * v0, m * v1
+        return m * math.sqrt(2.0 * self.gm * s) * at.action, -m * v0, m * v1
 
     def _second(self, q0: Array, q1: Array, h: float, t: float) -> tuple[Array, Array, Array]:
         arc = self._transfer(q0, q1, h)

@@ -58,4 +58,5 @@ def _unit_of(x: Any) -> Any:
     """Return the unit of a quantity, or of the first quantity in a list; None for plain numbers."""
     while isinstance(x, list | tuple) and len(x) > 0:
         x = x[0]
-    return x.unit if isinstance(x, u.Quantity) else None
+    unit = getattr(x, "unit", None)  # of a column of a table, too
+    return unit if isinstance(unit, u.UnitBase) else None

@@ -21,6 +21,7 @@ from orbits.errors import InputError, OrbitsError, shown
 from orbits.propagation.events.functions import description, in_full
 from orbits.system import System
 from orbits.system.presenting import in_words
+from orbits.units import gathered
 
 Floats = NDArray[np.float64]
 
@@ -380,8 +381,7 @@ def described(system: System) -> str:
 def _as_array(name: str, values: Any) -> Any:
     """Return an argument of a grid; several values as an array, or as a quantity if they are quantities."""
     try:
-        if isinstance(values, list | tuple) and any(isinstance(value, u.Quantity) for value in values):
-            return u.Quantity(values)
+        values = gathered(values)
         several = not isinstance(values, str | u.Quantity) and np.shape(values)
     except (TypeError, ValueError) as error:
         expected = "expected one value, or those of an axis, (m,), in units of one kind"

@@ -67,7 +67,6 @@ class _Segment(NamedTuple):
     records: int
 
 
-@lru_cache(maxsize=8)
 def series_of(files: tuple[str, ...], targets: tuple[int, ...], jd1: float, jd2: float) -> Series:
     """Return the series of bodies relative to the Solar System barycentre, au and days.
 
@@ -77,6 +76,20 @@ def series_of(files: tuple[str, ...], targets: tuple[int, ...], jd1: float, jd2:
     Raises InputError for a file that cannot be read, or lacks a body, naming it; EpochError if the epoch is not
     covered.
     """
+    return _series_of(files, tuple(_stamp(path) for path in files), targets, jd1, jd2)
+
+
+def _stamp(path: str) -> tuple[int, ...]:
+    """Return what is another when a file is replaced or written again."""
+    now = os.stat(path)
+    return now.st_dev, now.st_ino, now.st_size, now.st_mtime_ns
+
+
+@lru_cache(maxsize=8)
+def _series_of(
+    files: tuple[str, ...], stamps: tuple[tuple[int, ...], ...], targets: tuple[int, ...], jd1: float, jd2: float
+) -> Series:
+    """Return what `series_of` does, once for files that stay as they are."""
     words = [_mapped(path) for path in files]
     found: dict[int, list[_Segment]] = {}
     for file, path in enumerate(files):
@@ -135,28 +148,34 @@ def _segments(file: int, path: str) -> list[_Segment]:
 def _covering(
     found: dict[int, list[_Segment]], target: int, files: Sequence[str], jd1: float, jd2: float
 ) -> _Segment:
-    """Return the segment of a body that covers the epoch, of those that do the longest."""
+    """Return the segment of a body that counts at the epoch, with the time about it in which it does: as in SPICE, of
+    several in a file the last one. Of two files the first one counts.
+    """
     names = " and ".join(os.path.basename(path) for path in files)
     if target not in found:
         raise InputError(
             f"{names} {'have' if len(files) > 1 else 'has'} no body with NAIF's number {target}; expected a kernel "
             "with all bodies asked for."
         )
-    spans = [_span(s, jd1, jd2) for s in found[target]]
-    there = [s for s, (start, end) in zip(found[target], spans, strict=True) if start <= 0.0 <= end]
+    spans = [(s, *_span(s, jd1, jd2)) for s in found[target]]
+    there = [s for s, start, end in spans if start <= 0.0 <= end]
     if not there:
         covered = ", ".join(f"JD {J2000 + s.start / DAY:.1f} to {J2000 + s.end / DAY:.1f}" for s in found[target])
         raise EpochError(
             f"the epoch, JD {jd1 + jd2:.1f} TDB, is outside {names}, which {'have' if len(files) > 1 else 'has'} body "
             f"{target} for {covered}. Choose an epoch in that range, or another kernel."
         )
-    known = [s for s in there if s.kind in PARTS and s.frame == ICRF]
-    if not known:
+    counts = [s for s in there if s.file == there[0].file][-1]
+    if counts.kind not in PARTS or counts.frame != ICRF:
         raise InputError(
-            f"{names}: the series of body {target} is of type {there[0].kind}, in NAIF's frame {there[0].frame}; "
+            f"{names}: the series of body {target} is of type {counts.kind}, in NAIF's frame {counts.frame}; "
             "expected type 2 or 3, Chebyshev series, in frame 1, J2000, as in JPL's ephemerides and sb441-n16."
         )
-    return max(known, key=lambda s: s.end - s.start)
+    over = [x for x in spans[found[target].index(counts) + 1 :] if x[0].file == counts.file]
+    return counts._replace(
+        start=max([counts.start, *(s.end for s, _, end in over if end < 0.0)]),
+        end=min([counts.end, *(s.start for s, start, _ in over if start > 0.0)]),
+    )
 
 
 def _days(second: Fraction | float, jd1: float, jd2: float) -> Fraction:

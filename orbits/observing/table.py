@@ -155,10 +155,14 @@ class Ephemeris(Named, Tabular):
         return written((dates.utc if self.head.utc else dates).copy(format="iso"))
 
     def skycoord(self) -> SkyCoord:
-        """Return the astrometric places as an astropy `SkyCoord`, with distances from the observer."""
+        """Return the astrometric places as an astropy `SkyCoord`: directions, as of stars.
+
+        The distances are in `distance`: with one, coordinates of the ICRS would be places relative to the barycentre,
+        as which astropy transforms them.
+        """
         from astropy.coordinates import SkyCoord
 
-        return SkyCoord(ra=self.ra, dec=self.dec, distance=self.distance, frame="icrs")
+        return SkyCoord(ra=self.ra, dec=self.dec, frame="icrs")
 
     def to_table(self, bodies: Sequence[str] | None = None) -> QTable:
         """Return an astropy QTable with a row for each time and body, every column with its unit.

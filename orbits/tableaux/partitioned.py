@@ -54,22 +54,22 @@ class PartitionedTableau:
     @cached_property
     def a(self) -> Array:
         """Coefficients of the positions, (s, s), rounded to float64."""
-        return np.array([[float(x) for x in row] for row in self.exact_a])
+        return read_only(np.array([[float(x) for x in row] for row in self.exact_a]))
 
     @cached_property
     def a_bar(self) -> Array:
         """Coefficients of the momenta, (s, s), rounded to float64."""
-        return np.array([[float(x) for x in row] for row in self.exact_a_bar])
+        return read_only(np.array([[float(x) for x in row] for row in self.exact_a_bar]))
 
     @cached_property
     def b(self) -> Array:
         """Weights, (s,), rounded to float64."""
-        return np.array([float(x) for x in self.exact_b])
+        return read_only(np.array([float(x) for x in self.exact_b]))
 
     @cached_property
     def c(self) -> Array:
         """Nodes, (s,), float64."""
-        return np.array([float(x) for x in self.exact_c])
+        return read_only(np.array([float(x) for x in self.exact_c]))
 
     def symplecticity_residual(self) -> float:
         """Return the largest |b_i a_bar_ij + b_j a_ji - b_i b_j|, evaluated with `DIGITS` digits."""
@@ -85,6 +85,12 @@ class PartitionedTableau:
             for a in (self.exact_a, self.exact_a_bar):
                 worst = max(worst, *(abs(a[i][j] + a[-1 - i][-1 - j] - b[j]) for i in s for j in s))
             return float(worst)
+
+
+def read_only(array: Array) -> Array:
+    """Return an array that all methods share, so that it cannot be written to."""
+    array.flags.writeable = False
+    return array
 
 
 def exact(values: Any) -> Exact:

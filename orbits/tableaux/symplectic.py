@@ -27,7 +27,7 @@ import numpy as np
 
 from orbits.errors import InputError
 from orbits.tableaux.interpolation import lagrange_coefficients, value
-from orbits.tableaux.partitioned import DIGITS, Array, PartitionedTableau, exact
+from orbits.tableaux.partitioned import DIGITS, Array, PartitionedTableau, exact, read_only
 
 TOLERANCE = 1e-50
 """An identity holds if its defect is below this, for numbers of 60 digits."""
@@ -60,6 +60,10 @@ class SymplecticTableau(PartitionedTableau):
     mu_bar: Array = field(repr=False)
     continuation: Array = field(repr=False)
     symmetric: bool
+
+    def __post_init__(self) -> None:
+        for array in (self.nodes, self.one_minus_nodes, self.eta, self.mu, self.mu_bar, self.continuation):
+            read_only(array)
 
     def continued(self, ratio: float) -> Array:
         """Return `continuation` for a next step that is `ratio` times as long, (s, s).

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from astropy import units as u
+from astropy.table import Column
 from astropy.time import Time
 
 import orbits
@@ -116,6 +117,8 @@ def test_an_axis_may_be_a_list_of_quantities():
     assert list(grid.names)[:2] == ["a=2 AU inc=0.1 rad", "a=2 AU inc=1.5708 rad"]
     found = grid.part(0, 4).system().elements(primary="Sun")
     np.testing.assert_allclose(found.a[-4:].value, [2, 2, 2.5, 2.5], rtol=1e-13)
+    column = ensemble.grid(giants(), primary="Sun", a=Column([2.0, 2.5], unit=u.au))
+    assert list(column.names) == ["a=2 AU", "a=2.5 AU"]
     with pytest.raises(InputError, match=r"a is \[.*\]; expected .* in units of one kind"):
         ensemble.grid(giants(), primary="Sun", a=[2.0 * u.au, 2.5 * u.day])
 

@@ -15,6 +15,7 @@ from orbits.errors import EpochError, InputError, RetiredWarning, StepWarning
 from orbits.lagrangians.terms.in_ephemeris import EXCERPT
 from orbits.resources import data_path
 from orbits.scenario import load, perform
+from orbits.spk import daf
 from orbits.system.solar.building import largest_asteroids
 
 AU_M = 149597870700.0
@@ -159,8 +160,41 @@ def test_an_spk_file_of_a_run_is_an_ephemeris_at_its_epoch_and_to_its_ends(tmp_p
     assert np.linalg.norm(q - run.q.value, axis=2).max() * AU_M < 1e3 * bound
     dust = system.add("dust", primary="Sun", a=1.4, e=0.1)
     assert np.isfinite(orbits.propagate(dust, duration=days, samples=2, progress=False).q[-1]).all()
-    with pytest.raises(EpochError, match=r"the run would last until t = -?20.0000001 d, but own.bsp"):
+    with pytest.raises(EpochError, match=r"the run would last until t = -?20.0000001 d, but the series of own.bsp"):
         orbits.propagate(dust, duration=days * (1.0 + 5e-9), samples=2, progress=False)
+
+
+def test_of_several_series_of_a_body_the_last_one_counts_as_in_spice(tmp_path):
+    """The longest one counted, at all times that it has."""
+
+    def segment(target, x, first, last):
+        place = np.zeros((1, 3, 3))
+        place[0, 0, 0] = x
+        return daf.Segment("", target, 0, first * 86400, last * 86400, first * 86400, (last - first) * 86400, place)
+
+    path, days = tmp_path / "own.bsp", [(-100, 100), (10, 20), (-5, 5), (-50, -30)]
+    with open(path, "w+b") as file:
+        daf.write(file, "", [], [segment(10, 0, -100, 100), *(segment(4, 1e8 + k, *x) for k, x in enumerate(days))])
+    for at, which, start, end in ((0, 2, -5, 5), (7, 0, -2, 3), (15, 1, -5, 5), (30, 0, -10, 70), (-40, 3, -10, 10)):
+        system = orbits.System.in_ephemeris(str(path), epoch=2451545.0 + at, bodies=["Sun", "Mars"], relativity=False)
+        assert system["Mars"].q[0].to_value(u.km) - 1e8 == pytest.approx(which, abs=1e-6)
+        series = system.terms[0].series()
+        assert (series.start, series.end) == pytest.approx((start, end))
+    dust = system.add("dust", primary="Sun", a=1.4)
+    with pytest.raises(EpochError, match=r"the series of own\.bsp that have the epoch end 10 d after it"):
+        orbits.propagate(dust, duration=11.0, progress=False)
+
+
+def test_a_file_that_was_replaced_is_read_anew(tmp_path):
+    """It was as when it was first read in the process, and a system made before went on with that, without a word."""
+    began = orbits.System.solar_system("2020-03-01", bodies=["Sun", "Mars"], origin="ssb")
+    path, made = tmp_path / "own.bsp", []
+    for system in (began, began.replaced(v=1.01 * began.v)):
+        orbits.propagate(system, duration=20.0, samples=2, progress=False).to_spk(path, overwrite=True)
+        made.append(orbits.System.in_ephemeris(str(path), epoch=began.epoch, bodies=began.names))
+        assert np.abs(made[-1].v.value - system.v.value).max() < 1e-12  # of a tolerance of a metre in eight days
+    with pytest.raises(InputError, match=r"own\.bsp has other numbers than when the system was made"):
+        orbits.propagate(made[0].add("dust", primary="Sun", a=1.4), duration=10.0, progress=False)
 
 
 def test_a_run_that_was_interrupted_goes_on_to_the_same_bits(apophis, run, tmp_path):
@@ -276,9 +310,9 @@ def test_what_would_be_wrong_is_refused(apophis):
     with pytest.raises(InputError, match=r"as they do not add up\. Add the small bodies of one to the other"):
         others.replaced(terms=[*others.terms, *others.terms])
     assert "InEphemeris of Sun, Mercury, Venus and 8 more" in repr(apophis)
-    with pytest.raises(EpochError, match="begins"):
+    with pytest.raises(EpochError, match="begin 10594 d before it"):
         orbits.propagate(apophis, dt=1, until="1995-01-01")
-    with pytest.raises(EpochError, match="ends 363"):
+    with pytest.raises(EpochError, match="end 363"):
         orbits.propagate(apophis, dt=1, duration=364)
     with pytest.raises(EpochError, match="expected the same"):
         orbits.propagate(apophis.replaced(epoch="2020-01-01"), dt=1, duration=1)

@@ -88,3 +88,12 @@ def test_continuation_continues_polynomials_exactly():
 def test_a_wrong_number_of_stages_is_refused(stages):
     with pytest.raises(InputError, match="stages"):
         gauss(stages)
+
+
+def test_coefficients_which_all_methods_of_a_process_share_cannot_be_written_to():
+    """A changed one was that of every method of these stages, whose certificates failed from then on."""
+    tableau = gauss(4)
+    for name in ("a", "a_bar", "b", "c", "nodes", "one_minus_nodes", "eta", "mu", "mu_bar", "continuation"):
+        coefficients = getattr(tableau, name)
+        with pytest.raises(ValueError, match="read-only"):
+            coefficients *= 2.0

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from astropy import constants
 from astropy import units as u
+from astropy.table import Column
 from astropy.utils.masked import Masked
 from hypothesis import given
 from hypothesis import strategies as st
@@ -120,6 +121,16 @@ def test_what_is_no_such_quantity_is_refused_by_name(method: str, value: Any, me
 
 def test_columns_of_tables_without_masked_values_are_arrays() -> None:
     assert SOLAR.length_value(Masked([1.0, 2.0] * u.km)).tolist() == SOLAR.length_value([1.0, 2.0] * u.km).tolist()
+
+
+def test_columns_of_tables_have_their_units() -> None:
+    """Those of a `Table` are no quantities: degrees were taken for radians, without a word."""
+    km, bare, wrong = (Column([1.0, 2.0], unit=unit) for unit in (u.km, None, u.deg))
+    assert SOLAR.length_value(km).tolist() == SOLAR.length_value([1.0, 2.0] * u.km).tolist()
+    assert SOLAR.length_value([km, km]).tolist() == [SOLAR.length_value(km).tolist()] * 2
+    assert SOLAR.length_value(bare).tolist() == [1.0, 2.0]
+    with pytest.raises(InputError, match=r"x is in deg; expected length in AU"):
+        SOLAR.length_value(wrong, "x")
 
 
 def test_a_unit_where_there_are_none_is_refused() -> None:

