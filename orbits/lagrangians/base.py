@@ -85,6 +85,21 @@ class Rotor:
     moments: tuple[str, str, str]
 
 
+class FixedValues(dict[str, float]):
+    """Values of parameters by name, which cannot be changed: kernels have been made from them."""
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise InputError(
+            "the parameters of a Lagrangian cannot be changed, as its kernels know them; expected another one with "
+            "other values, L.with_parameters(g=9.81)."
+        )
+
+    __setitem__ = __delitem__ = __ior__ = update = pop = popitem = setdefault = clear = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return FixedValues, (dict(self),)
+
+
 @dataclass(frozen=True, eq=False)
 class Lagrangian:
     """L(q, v, t) of a mechanical system on R^d, with the values of its parameters.
@@ -137,7 +152,7 @@ class Lagrangian:
         if not isinstance(self.parameters, Mapping):
             raise InputError(f"'{self.name}': parameters must be values by name, got {shown(self.parameters)}")
         values = {key: finite_number(value, f"parameter {key}") for key, value in self.parameters.items()}
-        object.__setattr__(self, "parameters", values)
+        object.__setattr__(self, "parameters", FixedValues(values))
         if self.check_parameters is not None:
             self.check_parameters(values)
         if self.example is not None:

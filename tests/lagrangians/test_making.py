@@ -434,3 +434,12 @@ def test_a_lagrangian_of_the_package_is_pickled_by_name_and_others_say_why_not()
         with pytest.raises(InputError, match="cannot be pickled: its kernels are code"):
             pickle.dumps(own)
         assert copy.deepcopy(own) is own
+
+
+def test_parameters_cannot_be_changed_as_kernels_know_them():
+    # They showed other values while the motion kept the old ones.
+    L = PENDULUM.with_parameters(m=2.0)
+    for change in (lambda x: x.update(m=3.0), lambda x: x.__setitem__("m", 3.0), lambda x: x.pop("m")):
+        with pytest.raises(InputError, match="with_parameters"):
+            change(L.parameters)
+    assert pickle.loads(pickle.dumps(L)).parameters == L.parameters == {**PENDULUM.parameters, "m": 2.0}
