@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -58,7 +59,7 @@ class Plan:
 
     integrator : as in `orbits.propagate`
     dt, duration, until, samples, events, stop, check_step : as in `orbits.propagate`; two samples by default, the start
-        and the end
+        and the end. An event that names a massless member is sought in its block
     approaches : as in `orbits.propagate`, but True by default, for the columns of the table that tell the closest
         approach of each member. Particles of a map take some 5 % more time for it; False leaves these columns out
     megno : True for MEGNO of each member, or a dict of options of `orbits.megno`: vectors, seed, coupled
@@ -160,6 +161,28 @@ class Plan:
             "trajectories": "kept" if self.trajectories else "not kept",
         }
 
+    @cached_property
+    def _of_members(self) -> dict[str, list[tuple[Any, dict[str, int]]]]:
+        """The events and conditions of options that name massless members, each with the numbers of these by name."""
+        found = {}
+        for option in ("events", "stop"):
+            given = self.options.get(option, ())
+            each = given if isinstance(given, list | tuple) else [given]
+            sought = [(one, self.ensemble.numbers(getattr(one, "bodies_named", ()))) for one in each]
+            if any(members for _, members in sought):
+                found[option] = sought
+        return found
+
+    def check_events(self, block: int) -> None:
+        """Raise InputError for an event of members that are in different blocks of this size."""
+        for one, members in (row for sought in self._of_members.values() for row in sought):
+            if len({number // block for number in members.values()}) > 1:
+                raise InputError(
+                    f"{type(one).__name__} of {' and '.join(map(repr, members))}: these are in different blocks of "
+                    f"{block:,} members, which are integrated apart; expected members of one block, as with "
+                    f"block={max(members.values()) + 1}."
+                )
+
     def bytes_needed(self, grid: TimeGrid, massive: int, block: int) -> int:
         """Return about how many bytes the whole store takes."""
         members = len(self.ensemble)
@@ -185,13 +208,16 @@ class Plan:
             )
 
     def task(self, block: int, part: Ensemble, **known: Any) -> Task:
-        """Return a block as it is sent to a worker."""
+        """Return a block as it is sent to a worker: without the events of members of other blocks."""
+        here, options = set(part.names), dict(self.options)
+        for option, sought in self._of_members.items():
+            options[option] = [one for one, members in sought if here.issuperset(members)]
         megno = None if self.megno is False else {} if self.megno is True else dict(self.megno)
         return Task(
             number=block,
             part=part,
             integrator=self.integrator,
-            options=self.options,
+            options=options,
             megno=megno,
             trajectories=self.trajectories,
             **known,

@@ -570,3 +570,27 @@ def test_members_that_an_event_stopped_did_not_survive_and_are_no_failures(tmp_p
     assert table["end"][1] < 5.0 == table["end"][0]
     assert "farther" in table["reason"][1]
     assert (campaign.progress.survivors, campaign.progress.members_failed) == (1, 0)
+
+
+def test_events_that_name_a_member_are_sought_in_its_block_and_the_other_blocks_go_on(tmp_path):
+    own = orbits.events.Pericentre("P30", "Sun"), orbits.events.CloserThan(2.0 * u.au, "p2", "Sun", then="stop")
+    also = orbits.events.Pericentre("Jupiter", "Sun"), orbits.events.FartherThan(9 * u.au, "p35", "Sun")
+    campaign = ensemble.run(belt(40), tmp_path / "c", block=9, events=own, stop=also[1], **OPTIONS)
+    assert campaign.complete
+    assert not campaign.failed
+    run = orbits.propagate(system(40), events=own[:1], **OPTIONS)
+    assert len(run.events) > 3
+    assert campaign.run("p30").events.time.value.tolist() == run.events.time.value.tolist()
+    assert not len(campaign.run("p10").events)
+    stopped = [name for name, state in campaign.summary["name", "state"] if state == "stopped"]
+    assert stopped == [f"p{k}" for k in range(9)]
+    planets = ensemble.run(belt(20), tmp_path / "planets", block=9, events=also[0], **OPTIONS)
+    assert [len(planets.run(k).events) for k in (0, 9, 18)] == [len(planets.run(0).events)] * 3
+
+
+def test_an_event_of_two_members_of_different_blocks_is_refused_before_there_is_a_folder(tmp_path):
+    event = orbits.events.CloseApproach("p2", "p30")
+    with pytest.raises(InputError, match=r"CloseApproach of 'p2' and 'p30': .* block=31") as refused:
+        ensemble.run(belt(40), tmp_path / "c", block=9, events=event, **OPTIONS)
+    assert not (tmp_path / "c").exists(), refused
+    assert ensemble.run(belt(40), tmp_path / "c", block=31, events=event, **OPTIONS).complete
