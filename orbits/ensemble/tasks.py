@@ -233,7 +233,8 @@ def _worked(
             columns = of_systems([runs.get(k) for k in range(len(task.part))], reasons, task.bodies)
         if task.megno is not None:
             changed = {k for k, run in runs.items() if run.changes is not None and run.changes.begin_legs}
-            columns |= _megno(task, {k: made[k] for k in made.keys() - reasons.keys() - changed}, asked)
+            kept = made.keys() - reasons.keys() - changed
+            columns |= _megno(task, {k: (made[k], runs[k]._reached) for k in kept}, asked)
             columns["megno"][columns["state"] == LOST] = np.nan
         bits = _bits(list(runs.values()), columns)
     finally:
@@ -342,18 +343,18 @@ def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:
     return TimeGrid.of(system, options.get("dt"), **known)
 
 
-def _megno(task: Task, made: Mapping[int, System], asked: Callable[[], str]) -> Columns:
-    """Return MEGNO of these members at the end, and when each first had a passage that the method cannot follow."""
+def _megno(task: Task, made: Mapping[int, tuple[System, float]], asked: Callable[[], str]) -> Columns:
+    """Return MEGNO of these members at the end, and when each first had a passage that the method cannot follow.
+
+    made : the systems, each with the time that its run has reached
+    """
     assert task.megno is not None
-    known = {name: task.options[name] for name in ("dt", "duration", "until") if name in task.options}
     values, passages = np.full((2, len(task.part)), np.nan)
-    for k, system in made.items():
+    for k, (system, end) in made.items():
         _go_on(asked)
-        samples = [_grid(system, task.options).end]
+        known: dict[str, Any] = {"dt": task.options.get("dt"), "duration": end, "samples": [end]}
         try:
-            found = megno(
-                system, task.integrator, **known, samples=samples, check_step=False, threads=1, **task.megno
-            )
+            found = megno(system, task.integrator, **known, check_step=False, threads=1, **task.megno)
         except IntegrationError:
             continue
         if task.part.massless:

@@ -560,6 +560,19 @@ def test_a_killed_process_is_replaced_and_its_blocks_are_done_again(tmp_path):
     assert campaign.bits == ensemble.run(belt(64), tmp_path / "whole", block=16, **longer).bits
 
 
+def test_megno_of_a_member_that_was_stopped_is_that_of_its_end(tmp_path):
+    """With the same steps and vectors, of a run of that length: on to the end of the campaign it differs by a tenth."""
+    stop = orbits.events.FartherThan(1.9, "a", "b")
+    how = {"integrator": "stormer-verlet", "dt": 0.05}
+    campaign = ensemble.run(
+        ensemble.systems([meeting(2.0)]), tmp_path / "c", duration=40.0, stop=stop, megno=True, progress=False, **how
+    )
+    (row,) = campaign.summary
+    assert row["state"] == "stopped"
+    alone = orbits.megno(meeting(2.0), duration=float(row["end"]), samples=2, **how)
+    np.testing.assert_allclose(row["megno"], alone.massive.megno[-1], rtol=1e-12)
+
+
 def test_members_that_an_event_stopped_did_not_survive_and_are_no_failures(tmp_path):
     stop = orbits.events.FartherThan(1.5, "A", "B", then="stop")
     made = ensemble.grid(pair, speed=[0.9, 1.9])
