@@ -20,6 +20,7 @@ from orbits.ensemble.tasks import Task
 from orbits.errors import InputError, StorageError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
+from orbits.propagation.checks.rigid_runs import default_method
 from orbits.propagation.events.functions import in_full
 from orbits.system import System
 from orbits.time_grid import TimeGrid
@@ -98,7 +99,7 @@ class Plan:
                 )
         if not isinstance(megno, bool | dict):
             raise InputError(f"megno is {shown(megno)}; expected True, False or a dict such as {{'vectors': 4}}.")
-        method = integrators.named("gauss" if integrator is None else integrator)
+        method = default_method(ensemble.sample().system()) if integrator is None else integrators.named(integrator)
         for name, value in (
             ("ensemble", ensemble),
             ("integrator", method),

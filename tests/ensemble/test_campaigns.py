@@ -573,6 +573,16 @@ def test_megno_of_a_member_that_was_stopped_is_that_of_its_end(tmp_path):
     np.testing.assert_allclose(row["megno"], alone.massive.megno[-1], rtol=1e-12)
 
 
+def test_the_method_of_rigid_members_is_by_default_that_of_propagate(tmp_path):
+    q, v = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]]
+    bodies = orbits.System(["star", "stone"], [1, 0], q, v, units=orbits.DIMENSIONLESS)
+    turning = bodies.with_rigid("stone", orbits.RigidBody(shape=(3e-3, 2e-3, 1e-3), attitude="star"))
+    how = {"dt": 0.05, "duration": 5.0, "samples": 3, "progress": False}
+    campaign = ensemble.run(ensemble.particles(bodies.remove("stone"), turning), tmp_path / "c", **how)
+    run = orbits.propagate(turning, **how)
+    np.testing.assert_array_equal(campaign["stone"].q, run["stone"].q)
+
+
 def test_members_that_an_event_stopped_did_not_survive_and_are_no_failures(tmp_path):
     stop = orbits.events.FartherThan(1.5, "A", "B", then="stop")
     made = ensemble.grid(pair, speed=[0.9, 1.9])
