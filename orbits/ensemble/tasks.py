@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import tempfile
 import threading
@@ -24,6 +25,7 @@ from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
 from orbits.propagation.control.signals import StopRequest
+from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.loop import Run, marching, to_its_end
 from orbits.propagation.making_runs import RunOptions, begun, resumed
 from orbits.propagation.marchers import provenance
@@ -263,7 +265,7 @@ def _marched(
             _go_on(asked)
             path = folder / f"{task.stem}.h5" if task.part.massless else folder / task.stem / f"{k:05d}.h5"
             try:
-                run = _continued(path) if task.trajectories and path.exists() else None
+                run = _continued(path, known.get("stop", ())) if task.trajectories and path.exists() else None
                 if run is None:
                     path.parent.mkdir(exist_ok=True)
                     place: dict[str, Any] = {"archive": path, "overwrite": True} if task.trajectories else {}
@@ -329,13 +331,20 @@ def _given_up(runs: Mapping[int, Trajectory], ready: Mapping[int, Run]) -> Itera
         raise
 
 
-def _continued(path: Path) -> Run | Trajectory | None:
-    """Return the rest of a run that was interrupted; None, without its file, if that cannot be continued."""
-    try:
-        return resumed(path, RunOptions(progress=False, threads=1))
-    except OrbitsError:
-        path.unlink()
-        return None
+def _continued(path: Path, stop: Any) -> Run | Trajectory | None:
+    """Return a run that has ended, or the rest of one that was interrupted; None, without its file, if that cannot be
+    continued, or may be ended by a condition in `stop` that archives do not hold.
+    """
+    with suppress(OrbitsError):
+        run = Trajectory.open(path)
+        if run.complete or run.stopped is not None:
+            return run
+        run.close()
+        conditions = Conditions(stop)
+        if conditions.energy == conditions.seconds == math.inf:
+            return resumed(path, RunOptions(progress=False, threads=1))
+    path.unlink()
+    return None
 
 
 def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:

@@ -221,6 +221,26 @@ def test_a_block_of_systems_that_is_to_stop_begins_no_more_of_them_and_loses_non
     assert whole.bits == tasks.integrate(task, tmp_path / "other", "here").bits
 
 
+@pytest.mark.parametrize(
+    "stop", first(2, [orbits.events.FartherThan(1.5, "A", "B"), orbits.events.EnergyErrorAbove(2e-6)]), ids=type
+)
+def test_members_that_had_stopped_in_a_block_that_was_interrupted_do_not_go_on_past_it(tmp_path, stop):
+    """The first stops within a turn; the others are circles."""
+    plan = ensemble.Plan(
+        ensemble.grid(pair, speed=[1.3, 1.0, 1.001]), duration=2e4, dt=0.01, integrator="stormer-verlet", stop=stop
+    )
+    task = plan.task(0, plan.ensemble.part(0, 3), stem="block-00000")
+    files, other = tmp_path / "block-00000", tmp_path / "other"
+    stopped = tasks.integrate(task, tmp_path, "here", lambda: "Ctrl-C" * (len(list(files.glob("*.h5"))) > 1))
+    assert stopped.state == tasks.INTERRUPTED
+    whole = tasks.integrate(task, tmp_path, "here")
+    other.mkdir()
+    alone = tasks.integrate(task, other, "here")
+    assert {*alone.columns["state"]} == {"survived", "stopped"}
+    np.testing.assert_array_equal(whole.columns["end"], alone.columns["end"])
+    assert whole.bits == alone.bits
+
+
 @pytest.mark.nightly
 def test_a_campaign_is_readable_while_it_runs(tmp_path):
     seen: list[ensemble.Progress] = []
