@@ -24,6 +24,7 @@ from orbits.propagation.checks.rigid_runs import default_method
 from orbits.propagation.events.functions import in_full
 from orbits.system import System
 from orbits.time_grid import TimeGrid
+from orbits.time_grid.step_length import FRACTION
 
 WORK = 3e7
 """The particle steps of a block by default: two seconds in a Wisdom–Holman map, beside which the 0.05 s that a block
@@ -120,10 +121,21 @@ class Plan:
             now = {name: value for name, value in now.items() if name not in ("duration", "until")}
         return Plan(self.ensemble, **{**now, **given})
 
+    @cached_property
+    def dt(self) -> Any:
+        """The step as blocks are given it: a fraction of the shortest period is that of all massless members."""
+        dt = self.options.get("dt")
+        if self.ensemble.massless and isinstance(dt, str) and FRACTION.fullmatch(dt):
+            return self._grid(self.ensemble.system(), dt).dt
+        return dt
+
     def grid(self, system: System) -> TimeGrid:
         """Return the steps and samples of a system."""
+        return self._grid(system, self.dt)
+
+    def _grid(self, system: System, dt: Any) -> TimeGrid:
         known = {name: self.options[name] for name in ("duration", "until", "samples") if name in self.options}
-        return TimeGrid.of(system, self.options.get("dt"), **known)
+        return TimeGrid.of(system, dt, **known)
 
     def first(self) -> System:
         """Return the system of the first block, or of the first member."""
@@ -210,7 +222,7 @@ class Plan:
 
     def task(self, block: int, part: Ensemble, **known: Any) -> Task:
         """Return a block as it is sent to a worker: without the events of members of other blocks."""
-        here, options = set(part.names), dict(self.options)
+        here, options = set(part.names), {**self.options, "dt": self.dt}
         for option, sought in self._of_members.items():
             options[option] = [one for one, members in sought if here.issuperset(members)]
         megno = None if self.megno is False else {} if self.megno is True else dict(self.megno)

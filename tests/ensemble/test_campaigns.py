@@ -58,6 +58,14 @@ def test_particles_have_the_bits_of_one_run_with_all_of_them_in_blocks_of_any_si
         np.testing.assert_array_equal(campaign[name].v, whole[name].v)
 
 
+def test_a_fraction_of_the_shortest_period_is_that_of_all_particles_whatever_their_blocks(tmp_path):
+    options = {**OPTIONS, "integrator": "stormer-verlet", "dt": "P/40", "check_step": False}
+    run = orbits.propagate(system(40), **options)
+    campaign = ensemble.run(belt(40), tmp_path / "c", block=9, **options)
+    assert [campaign.run(k).dt for k in (0, 9, 18, 27, 36)] == [run.dt] * 5
+    np.testing.assert_array_equal(campaign["p20"].q, run["p20"].q)
+
+
 def places(campaign, block):
     """The places of all particles, (samples, particles, 3), from the files of the blocks."""
     return np.concatenate([campaign.run(k).q.value[:, len(giants().names):] for k in range(0, len(campaign), block)], 1)
