@@ -21,7 +21,7 @@ from orbits.resources import data_path
 from orbits.system.model import model
 from orbits.time_grid import dynamical_time
 
-from ..coverings import at
+from ..coverings import at, first
 
 YEAR = 2 * math.pi
 BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]}
@@ -429,3 +429,25 @@ def test_megno_among_bodies_of_an_ephemeris_is_the_growth_under_the_state_transi
         m["Sun"]
     with pytest.raises(InputError, match="all bodies are read from an ephemeris"):
         orbits.megno(field, duration=1.0 * u.day)
+
+
+@pytest.mark.parametrize("method", first(1, ["stormer-verlet", "saba", "gauss"]))
+def test_megno_of_a_particle_does_not_depend_on_the_others(method):
+    planets = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"])
+    one = planets.add("far", primary="Sun", a=3.0 * u.au)
+    both = one.add("near", primary="Sun", a=0.5 * u.au)
+    how = {"dt": 5, "duration": 2000, "samples": 3, "check_step": False}
+    alone, beside = (orbits.megno(x, method, **how)["far"].megno for x in (one, both))
+    np.testing.assert_array_equal(alone, beside)
+
+
+def test_megno_of_particles_about_a_star_alone_does_not_depend_on_units():
+    """The length of a vector is measured in the time of an orbit, and not of a unit; 2.5 and 1.9 were found."""
+    bodies = [1.0, 0.0], np.array([[0, 0, 0], [1.0, 0, 0]]), np.array([[0, 0, 0], [0, 1.1, 0]])
+    found = []
+    for length, time in ((1.0, 1.0), (1e8, 1e6)):
+        gm, q, v = bodies[0], bodies[1] * length, bodies[2] * length / time
+        scaled = orbits.System(["star", "stone"], np.array(gm) * length**3 / time**2, q, v, units=orbits.DIMENSIONLESS)
+        m = orbits.megno(scaled, "wisdom-holman", dt=0.125 * time, duration=30 * time, samples=2)
+        found.append(m["stone"].megno[-1])
+    np.testing.assert_allclose(*found, rtol=1e-7)  # round-off of the scaled start, and of dt to 24 bits
