@@ -412,6 +412,21 @@ def test_a_particle_that_is_lost_has_no_megno_from_there_on():
     assert np.isfinite(m.massive.megno[1:]).all()
 
 
+def test_tangent_vectors_of_a_run_end_with_the_particles_that_merged_in_it():
+    """They went on through the star, as those of a point, where the run had no particle any more."""
+    q, v = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 0, 0], [0, 0.3, 0], [0, 0.7, 0]]
+    system = orbits.System(["star", "falls", "far"], [1, 0, 0], q, v, radii=[0.5, 0, 0], units=orbits.DIMENSIONLESS)
+    run = orbits.propagate(system, duration=4, samples=5, events=orbits.events.Collision(then=orbits.events.Merge()))
+    gone = np.isnan(run["falls"].q.value[:, 0])
+    assert 0 < gone.sum() < 5
+    m, stm = run.megno(), run.state_transition()
+    np.testing.assert_array_equal(np.isnan(m["falls"].megno)[1:], gone[1:])
+    np.testing.assert_array_equal(np.isnan(m["falls"].lyapunov)[1:], gone[1:])
+    np.testing.assert_array_equal(np.isnan(stm["falls"]).all(axis=(1, 2)), gone)
+    assert np.isfinite(m["far"].megno[1:]).all()
+    assert np.isfinite(stm["far"]).all()
+
+
 def test_megno_among_bodies_of_an_ephemeris_is_the_growth_under_the_state_transition():
     field = orbits.System.in_ephemeris("de440", epoch="2026-01-01", asteroids=0)
     system = field.add("stone", primary="Sun", a=1.1, e=0.3, inc=0.1, M=2.0)
