@@ -14,7 +14,7 @@ import numpy as np
 from astropy import units as u
 from numpy.typing import NDArray
 
-from orbits.body_names import checked_names
+from orbits.body_names import checked_names, place_of
 from orbits.catalogue import Catalogue
 from orbits.checks import listed
 from orbits.errors import InputError, OrbitsError, shown
@@ -71,6 +71,10 @@ class Ensemble:
         """Return the fields of a part that are other ones."""
         raise NotImplementedError
 
+    def numbers(self, names: Iterable[str]) -> dict[str, int]:
+        """Return the numbers of those of these bodies that are massless members, by the names of the members."""
+        return {}
+
     def sample(self) -> Ensemble:
         """Return a few members, with which options are checked and kernels compiled. Raises if none can be made."""
         return self.part(0, min(SAMPLE, len(self)))
@@ -111,6 +115,13 @@ class Particles(Ensemble):
         radii = None if self.radii is None else self.radii[rows]
         forces = _on(self.names[rows], self.forces)
         return {"columns": {}, "q": self.q[rows], "v": self.v[rows], "radii": radii, "forces": forces}
+
+    def numbers(self, names: Iterable[str]) -> dict[str, int]:
+        """Return the numbers of those of these bodies that are members, by the names of the members."""
+        assert self.bodies is not None
+        others, everyone = len(self.bodies), (*self.bodies.names, *self.names)
+        places = (place_of(name, everyone) for name in names)
+        return {self.names[k - others]: k - others for k in places if k is not None and k >= others}
 
     def system(self) -> System:
         """Return the bodies with these at the end."""

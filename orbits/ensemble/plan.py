@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,11 @@ from orbits.ensemble.tasks import Task
 from orbits.errors import InputError, StorageError, UnknownNameError, shown
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
+from orbits.propagation.checks.rigid_runs import default_method
 from orbits.propagation.events.functions import in_full
 from orbits.system import System
 from orbits.time_grid import TimeGrid
+from orbits.time_grid.step_length import FRACTION
 
 WORK = 3e7
 """The particle steps of a block by default: two seconds in a Wisdom–Holman map, beside which the 0.05 s that a block
@@ -58,7 +61,7 @@ class Plan:
 
     integrator : as in `orbits.propagate`
     dt, duration, until, samples, events, stop, check_step : as in `orbits.propagate`; two samples by default, the start
-        and the end
+        and the end. An event that names a massless member is sought in its block
     approaches : as in `orbits.propagate`, but True by default, for the columns of the table that tell the closest
         approach of each member. Particles of a map take some 5 % more time for it; False leaves these columns out
     megno : True for MEGNO of each member, or a dict of options of `orbits.megno`: vectors, seed, coupled
@@ -97,7 +100,7 @@ class Plan:
                 )
         if not isinstance(megno, bool | dict):
             raise InputError(f"megno is {shown(megno)}; expected True, False or a dict such as {{'vectors': 4}}.")
-        method = integrators.named("gauss" if integrator is None else integrator)
+        method = default_method(ensemble.sample().system()) if integrator is None else integrators.named(integrator)
         for name, value in (
             ("ensemble", ensemble),
             ("integrator", method),
@@ -118,10 +121,21 @@ class Plan:
             now = {name: value for name, value in now.items() if name not in ("duration", "until")}
         return Plan(self.ensemble, **{**now, **given})
 
+    @cached_property
+    def dt(self) -> Any:
+        """The step as blocks are given it: a fraction of the shortest period is that of all massless members."""
+        dt = self.options.get("dt")
+        if self.ensemble.massless and isinstance(dt, str) and FRACTION.fullmatch(dt):
+            return self._grid(self.ensemble.system(), dt).dt
+        return dt
+
     def grid(self, system: System) -> TimeGrid:
         """Return the steps and samples of a system."""
+        return self._grid(system, self.dt)
+
+    def _grid(self, system: System, dt: Any) -> TimeGrid:
         known = {name: self.options[name] for name in ("duration", "until", "samples") if name in self.options}
-        return TimeGrid.of(system, self.options.get("dt"), **known)
+        return TimeGrid.of(system, dt, **known)
 
     def first(self) -> System:
         """Return the system of the first block, or of the first member."""
@@ -160,6 +174,28 @@ class Plan:
             "trajectories": "kept" if self.trajectories else "not kept",
         }
 
+    @cached_property
+    def _of_members(self) -> dict[str, list[tuple[Any, dict[str, int]]]]:
+        """The events and conditions of options that name massless members, each with the numbers of these by name."""
+        found = {}
+        for option in ("events", "stop"):
+            given = self.options.get(option, ())
+            each = given if isinstance(given, list | tuple) else [given]
+            sought = [(one, self.ensemble.numbers(getattr(one, "bodies_named", ()))) for one in each]
+            if any(members for _, members in sought):
+                found[option] = sought
+        return found
+
+    def check_events(self, block: int) -> None:
+        """Raise InputError for an event of members that are in different blocks of this size."""
+        for one, members in (row for sought in self._of_members.values() for row in sought):
+            if len({number // block for number in members.values()}) > 1:
+                raise InputError(
+                    f"{type(one).__name__} of {' and '.join(map(repr, members))}: these are in different blocks of "
+                    f"{block:,} members, which are integrated apart; expected members of one block, as with "
+                    f"block={max(members.values()) + 1}."
+                )
+
     def bytes_needed(self, grid: TimeGrid, massive: int, block: int) -> int:
         """Return about how many bytes the whole store takes."""
         members = len(self.ensemble)
@@ -185,13 +221,16 @@ class Plan:
             )
 
     def task(self, block: int, part: Ensemble, **known: Any) -> Task:
-        """Return a block as it is sent to a worker."""
+        """Return a block as it is sent to a worker: without the events of members of other blocks."""
+        here, options = set(part.names), {**self.options, "dt": self.dt}
+        for option, sought in self._of_members.items():
+            options[option] = [one for one, members in sought if here.issuperset(members)]
         megno = None if self.megno is False else {} if self.megno is True else dict(self.megno)
         return Task(
             number=block,
             part=part,
             integrator=self.integrator,
-            options=self.options,
+            options=options,
             megno=megno,
             trajectories=self.trajectories,
             **known,

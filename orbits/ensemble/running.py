@@ -79,7 +79,7 @@ def run(
     store : a folder, in which results are kept as they come: an archive for each block, a table, an index. If it is
         that of the same campaign, stopped before its end, it goes on; blocks whose files are damaged are done again
     integrator, dt, duration, until, samples, events, stop, check_step : as in `orbits.propagate`; two samples by
-        default, at the start and at the end
+        default, at the start and at the end. An event that names a massless member is sought in its block
     megno : True for MEGNO of each member, or a dict of options of `orbits.megno`
     trajectories : whether samples are kept; False for the table alone
     block : members that are integrated together, by default as many as make the overhead of a block small. The bits of
@@ -246,6 +246,7 @@ def _about(plan: Plan, folder: Path) -> tuple[dict[str, Any], int]:
     block = plan.block_size(grid, others)
     if plan.block is None and (folder / ABOUT).exists():
         block = int(Store.opened(folder).about["block"])  # the same, whatever is chosen by later versions
+    plan.check_events(block)
     steps = f"dt = {grid.dt:g} {units.time}".rstrip() if grid.h == grid.h else "steps chosen one by one"
     span = f"{grid.end:g} {units.time}".rstrip()
     about = {

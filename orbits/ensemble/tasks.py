@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import tempfile
 import threading
@@ -24,6 +25,7 @@ from orbits.finding import kind_of
 from orbits.integrators.base import Integrator
 from orbits.propagation import propagate
 from orbits.propagation.control.signals import StopRequest
+from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.loop import Run, marching, to_its_end
 from orbits.propagation.making_runs import RunOptions, begun, resumed
 from orbits.propagation.marchers import provenance
@@ -233,7 +235,8 @@ def _worked(
             columns = of_systems([runs.get(k) for k in range(len(task.part))], reasons, task.bodies)
         if task.megno is not None:
             changed = {k for k, run in runs.items() if run.changes is not None and run.changes.begin_legs}
-            columns |= _megno(task, {k: made[k] for k in made.keys() - reasons.keys() - changed}, asked)
+            kept = made.keys() - reasons.keys() - changed
+            columns |= _megno(task, {k: (made[k], runs[k]._reached) for k in kept}, asked)
             columns["megno"][columns["state"] == LOST] = np.nan
         bits = _bits(list(runs.values()), columns)
     finally:
@@ -262,7 +265,7 @@ def _marched(
             _go_on(asked)
             path = folder / f"{task.stem}.h5" if task.part.massless else folder / task.stem / f"{k:05d}.h5"
             try:
-                run = _continued(path) if task.trajectories and path.exists() else None
+                run = _continued(path, known.get("stop", ())) if task.trajectories and path.exists() else None
                 if run is None:
                     path.parent.mkdir(exist_ok=True)
                     place: dict[str, Any] = {"archive": path, "overwrite": True} if task.trajectories else {}
@@ -328,13 +331,20 @@ def _given_up(runs: Mapping[int, Trajectory], ready: Mapping[int, Run]) -> Itera
         raise
 
 
-def _continued(path: Path) -> Run | Trajectory | None:
-    """Return the rest of a run that was interrupted; None, without its file, if that cannot be continued."""
-    try:
-        return resumed(path, RunOptions(progress=False, threads=1))
-    except OrbitsError:
-        path.unlink()
-        return None
+def _continued(path: Path, stop: Any) -> Run | Trajectory | None:
+    """Return a run that has ended, or the rest of one that was interrupted; None, without its file, if that cannot be
+    continued, or may be ended by a condition in `stop` that archives do not hold.
+    """
+    with suppress(OrbitsError):
+        run = Trajectory.open(path)
+        if run.complete or run.stopped is not None:
+            return run
+        run.close()
+        conditions = Conditions(stop)
+        if conditions.energy == conditions.seconds == math.inf:
+            return resumed(path, RunOptions(progress=False, threads=1))
+    path.unlink()
+    return None
 
 
 def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:
@@ -342,18 +352,18 @@ def _grid(system: System, options: Mapping[str, Any]) -> TimeGrid:
     return TimeGrid.of(system, options.get("dt"), **known)
 
 
-def _megno(task: Task, made: Mapping[int, System], asked: Callable[[], str]) -> Columns:
-    """Return MEGNO of these members at the end, and when each first had a passage that the method cannot follow."""
+def _megno(task: Task, made: Mapping[int, tuple[System, float]], asked: Callable[[], str]) -> Columns:
+    """Return MEGNO of these members at the end, and when each first had a passage that the method cannot follow.
+
+    made : the systems, each with the time that its run has reached
+    """
     assert task.megno is not None
-    known = {name: task.options[name] for name in ("dt", "duration", "until") if name in task.options}
     values, passages = np.full((2, len(task.part)), np.nan)
-    for k, system in made.items():
+    for k, (system, end) in made.items():
         _go_on(asked)
-        samples = [_grid(system, task.options).end]
+        known: dict[str, Any] = {"dt": task.options.get("dt"), "duration": end, "samples": [end]}
         try:
-            found = megno(
-                system, task.integrator, **known, samples=samples, check_step=False, threads=1, **task.megno
-            )
+            found = megno(system, task.integrator, **known, check_step=False, threads=1, **task.megno)
         except IntegrationError:
             continue
         if task.part.massless:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +47,11 @@ class TangentGrowth:
     lyapunov: u.Quantity
     passage: u.Quantity | None = None
 
+    def until(self, gone: NDArray[np.bool_]) -> TangentGrowth:
+        """Return it with NaN at the samples at which the particle is gone, (n,)."""
+        megno, spread, rate = (np.where(gone, np.nan, x) for x in (self.megno, self.spread, self.lyapunov))
+        return replace(self, megno=megno, spread=spread, lyapunov=u.Quantity(rate))
+
     def _lyapunov_time(self) -> str:
         """Return the Lyapunov time at the last sample as it is printed, without its unit: "–" where MEGNO is near 2."""
         chaotic = self.megno[-1] > REGULAR and self.lyapunov[-1] > 0.0
@@ -72,6 +77,11 @@ class Megno(Tabled):
         self, system: System, massive: TangentGrowth | None, particles: tuple[TangentGrowth, ...], made_by: str
     ) -> None:
         self.system, self.massive, self.particles, self.made_by = system, massive, particles, made_by
+
+    def until(self, gone: NDArray[np.bool_]) -> Megno:
+        """Return it with NaN at the samples at which massless particles are gone; gone : (n, bodies)."""
+        rows = zip(self.particles, gone.T[~self.system.massive], strict=True)
+        return Megno(self.system, self.massive, tuple(one.until(row) for one, row in rows), self.made_by)
 
     @property
     def t(self) -> u.Quantity:

@@ -57,6 +57,13 @@ class StateTransition(Tabled):
         self._times, self._momenta = times, momenta
         self.matrix.flags.writeable = self.by_parameters.flags.writeable = False
 
+    def until(self, gone: NDArray[np.bool_]) -> StateTransition:
+        """Return it with NaN for the bodies that are gone at a sample; gone : (n, bodies)."""
+        rows = np.repeat(gone, 6, axis=1)[:, :, None]
+        matrix, by_parameters = (np.where(rows, np.nan, x) for x in (self.matrix, self.by_parameters))
+        known: dict[str, Any] = {"made_by": self.made_by, "parameters": self.parameters}
+        return StateTransition(self.system, self._times, matrix, self._momenta, by_parameters=by_parameters, **known)
+
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the bodies, in the order of the rows and columns."""

@@ -179,23 +179,27 @@ class MarchedAgain:
         return run.error_bars
 
     def megno(self, *, coupled: bool = False, seed: int = 0) -> Megno:
-        """Return MEGNO and Lyapunov exponents at the samples of the run, which is marched again for it.
+        """Return MEGNO and Lyapunov exponents at the samples of the run, which is marched again for it; NaN for
+        particles that are retired by then.
 
         coupled, seed : as in `orbits.megno`
         Raises InputError as that does, and for a trajectory that cannot be integrated again.
         """
         self._require_method("run.megno")
-        return self._marches_again("run.megno").megno(self._run, coupled=coupled, seed=seed)
+        found = self._marches_again("run.megno").megno(self._run, coupled=coupled, seed=seed)
+        return found.until(np.isnan(self._run.q.value).any(axis=2))
 
     def state_transition(self, *, coupled: bool = True, parameters: Sequence[str] = ()) -> StateTransition:
-        """Return the state-transition matrices at the samples of the run, which is marched again for it.
+        """Return the state-transition matrices at the samples of the run, which is marched again for it; NaN for
+        particles that are retired by then.
 
         coupled, parameters : as in `orbits.state_transition`
         Raises InputError as that does, and for a trajectory that cannot be integrated again.
         """
         self._require_method("run.state_transition")
         again = self._marches_again("run.state_transition")
-        return again.state_transition(self._run, coupled=coupled, parameters=parameters)
+        found = again.state_transition(self._run, coupled=coupled, parameters=parameters)
+        return found.until(np.isnan(self._run.q.value).any(axis=2))
 
     def ephemeris(
         self,

@@ -58,6 +58,14 @@ def test_particles_have_the_bits_of_one_run_with_all_of_them_in_blocks_of_any_si
         np.testing.assert_array_equal(campaign[name].v, whole[name].v)
 
 
+def test_a_fraction_of_the_shortest_period_is_that_of_all_particles_whatever_their_blocks(tmp_path):
+    options = {**OPTIONS, "integrator": "stormer-verlet", "dt": "P/40", "check_step": False}
+    run = orbits.propagate(system(40), **options)
+    campaign = ensemble.run(belt(40), tmp_path / "c", block=9, **options)
+    assert [campaign.run(k).dt for k in (0, 9, 18, 27, 36)] == [run.dt] * 5
+    np.testing.assert_array_equal(campaign["p20"].q, run["p20"].q)
+
+
 def places(campaign, block):
     """The places of all particles, (samples, particles, 3), from the files of the blocks."""
     return np.concatenate([campaign.run(k).q.value[:, len(giants().names):] for k in range(0, len(campaign), block)], 1)
@@ -219,6 +227,26 @@ def test_a_block_of_systems_that_is_to_stop_begins_no_more_of_them_and_loses_non
     (tmp_path / "other").mkdir()
     assert whole.state == tasks.DONE
     assert whole.bits == tasks.integrate(task, tmp_path / "other", "here").bits
+
+
+@pytest.mark.parametrize(
+    "stop", first(2, [orbits.events.FartherThan(1.5, "A", "B"), orbits.events.EnergyErrorAbove(2e-6)]), ids=type
+)
+def test_members_that_had_stopped_in_a_block_that_was_interrupted_do_not_go_on_past_it(tmp_path, stop):
+    """The first stops within a turn; the others are circles."""
+    plan = ensemble.Plan(
+        ensemble.grid(pair, speed=[1.3, 1.0, 1.001]), duration=2e4, dt=0.01, integrator="stormer-verlet", stop=stop
+    )
+    task = plan.task(0, plan.ensemble.part(0, 3), stem="block-00000")
+    files, other = tmp_path / "block-00000", tmp_path / "other"
+    stopped = tasks.integrate(task, tmp_path, "here", lambda: "Ctrl-C" * (len(list(files.glob("*.h5"))) > 1))
+    assert stopped.state == tasks.INTERRUPTED
+    whole = tasks.integrate(task, tmp_path, "here")
+    other.mkdir()
+    alone = tasks.integrate(task, other, "here")
+    assert {*alone.columns["state"]} == {"survived", "stopped"}
+    np.testing.assert_array_equal(whole.columns["end"], alone.columns["end"])
+    assert whole.bits == alone.bits
 
 
 @pytest.mark.nightly
@@ -560,6 +588,29 @@ def test_a_killed_process_is_replaced_and_its_blocks_are_done_again(tmp_path):
     assert campaign.bits == ensemble.run(belt(64), tmp_path / "whole", block=16, **longer).bits
 
 
+def test_megno_of_a_member_that_was_stopped_is_that_of_its_end(tmp_path):
+    """With the same steps and vectors, of a run of that length: on to the end of the campaign it differs by a tenth."""
+    stop = orbits.events.FartherThan(1.9, "a", "b")
+    how = {"integrator": "stormer-verlet", "dt": 0.05}
+    campaign = ensemble.run(
+        ensemble.systems([meeting(2.0)]), tmp_path / "c", duration=40.0, stop=stop, megno=True, progress=False, **how
+    )
+    (row,) = campaign.summary
+    assert row["state"] == "stopped"
+    alone = orbits.megno(meeting(2.0), duration=float(row["end"]), samples=2, **how)
+    np.testing.assert_allclose(row["megno"], alone.massive.megno[-1], rtol=1e-12)
+
+
+def test_the_method_of_rigid_members_is_by_default_that_of_propagate(tmp_path):
+    q, v = [[0, 0, 0], [1, 0, 0]], [[0, 0, 0], [0, 1, 0]]
+    bodies = orbits.System(["star", "stone"], [1, 0], q, v, units=orbits.DIMENSIONLESS)
+    turning = bodies.with_rigid("stone", orbits.RigidBody(shape=(3e-3, 2e-3, 1e-3), attitude="star"))
+    how = {"dt": 0.05, "duration": 5.0, "samples": 3, "progress": False}
+    campaign = ensemble.run(ensemble.particles(bodies.remove("stone"), turning), tmp_path / "c", **how)
+    run = orbits.propagate(turning, **how)
+    np.testing.assert_array_equal(campaign["stone"].q, run["stone"].q)
+
+
 def test_members_that_an_event_stopped_did_not_survive_and_are_no_failures(tmp_path):
     stop = orbits.events.FartherThan(1.5, "A", "B", then="stop")
     made = ensemble.grid(pair, speed=[0.9, 1.9])
@@ -570,3 +621,27 @@ def test_members_that_an_event_stopped_did_not_survive_and_are_no_failures(tmp_p
     assert table["end"][1] < 5.0 == table["end"][0]
     assert "farther" in table["reason"][1]
     assert (campaign.progress.survivors, campaign.progress.members_failed) == (1, 0)
+
+
+def test_events_that_name_a_member_are_sought_in_its_block_and_the_other_blocks_go_on(tmp_path):
+    own = orbits.events.Pericentre("P30", "Sun"), orbits.events.CloserThan(2.0 * u.au, "p2", "Sun", then="stop")
+    also = orbits.events.Pericentre("Jupiter", "Sun"), orbits.events.FartherThan(9 * u.au, "p35", "Sun")
+    campaign = ensemble.run(belt(40), tmp_path / "c", block=9, events=own, stop=also[1], **OPTIONS)
+    assert campaign.complete
+    assert not campaign.failed
+    run = orbits.propagate(system(40), events=own[:1], **OPTIONS)
+    assert len(run.events) > 3
+    assert campaign.run("p30").events.time.value.tolist() == run.events.time.value.tolist()
+    assert not len(campaign.run("p10").events)
+    stopped = [name for name, state in campaign.summary["name", "state"] if state == "stopped"]
+    assert stopped == [f"p{k}" for k in range(9)]
+    planets = ensemble.run(belt(20), tmp_path / "planets", block=9, events=also[0], **OPTIONS)
+    assert [len(planets.run(k).events) for k in (0, 9, 18)] == [len(planets.run(0).events)] * 3
+
+
+def test_an_event_of_two_members_of_different_blocks_is_refused_before_there_is_a_folder(tmp_path):
+    event = orbits.events.CloseApproach("p2", "p30")
+    with pytest.raises(InputError, match=r"CloseApproach of 'p2' and 'p30': .* block=31") as refused:
+        ensemble.run(belt(40), tmp_path / "c", block=9, events=event, **OPTIONS)
+    assert not (tmp_path / "c").exists(), refused
+    assert ensemble.run(belt(40), tmp_path / "c", block=31, events=event, **OPTIONS).complete

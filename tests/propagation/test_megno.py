@@ -21,7 +21,7 @@ from orbits.resources import data_path
 from orbits.system.model import model
 from orbits.time_grid import dynamical_time
 
-from ..coverings import at
+from ..coverings import at, first
 
 YEAR = 2 * math.pi
 BOUNDS = {row["name"]: row["asserts"] for row in json.loads(data_path("rebound_test_bounds.json").read_text())["tests"]}
@@ -412,6 +412,21 @@ def test_a_particle_that_is_lost_has_no_megno_from_there_on():
     assert np.isfinite(m.massive.megno[1:]).all()
 
 
+def test_tangent_vectors_of_a_run_end_with_the_particles_that_merged_in_it():
+    """They went on through the star, as those of a point, where the run had no particle any more."""
+    q, v = [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 0, 0], [0, 0.3, 0], [0, 0.7, 0]]
+    system = orbits.System(["star", "falls", "far"], [1, 0, 0], q, v, radii=[0.5, 0, 0], units=orbits.DIMENSIONLESS)
+    run = orbits.propagate(system, duration=4, samples=5, events=orbits.events.Collision(then=orbits.events.Merge()))
+    gone = np.isnan(run["falls"].q.value[:, 0])
+    assert 0 < gone.sum() < 5
+    m, stm = run.megno(), run.state_transition()
+    np.testing.assert_array_equal(np.isnan(m["falls"].megno)[1:], gone[1:])
+    np.testing.assert_array_equal(np.isnan(m["falls"].lyapunov)[1:], gone[1:])
+    np.testing.assert_array_equal(np.isnan(stm["falls"]).all(axis=(1, 2)), gone)
+    assert np.isfinite(m["far"].megno[1:]).all()
+    assert np.isfinite(stm["far"]).all()
+
+
 def test_megno_among_bodies_of_an_ephemeris_is_the_growth_under_the_state_transition():
     field = orbits.System.in_ephemeris("de440", epoch="2026-01-01", asteroids=0)
     system = field.add("stone", primary="Sun", a=1.1, e=0.3, inc=0.1, M=2.0)
@@ -429,3 +444,25 @@ def test_megno_among_bodies_of_an_ephemeris_is_the_growth_under_the_state_transi
         m["Sun"]
     with pytest.raises(InputError, match="all bodies are read from an ephemeris"):
         orbits.megno(field, duration=1.0 * u.day)
+
+
+@pytest.mark.parametrize("method", first(1, ["stormer-verlet", "saba", "gauss"]))
+def test_megno_of_a_particle_does_not_depend_on_the_others(method):
+    planets = orbits.System.solar_system("2022-08-09", bodies=["Sun", "Jupiter"])
+    one = planets.add("far", primary="Sun", a=3.0 * u.au)
+    both = one.add("near", primary="Sun", a=0.5 * u.au)
+    how = {"dt": 5, "duration": 2000, "samples": 3, "check_step": False}
+    alone, beside = (orbits.megno(x, method, **how)["far"].megno for x in (one, both))
+    np.testing.assert_array_equal(alone, beside)
+
+
+def test_megno_of_particles_about_a_star_alone_does_not_depend_on_units():
+    """The length of a vector is measured in the time of an orbit, and not of a unit; 2.5 and 1.9 were found."""
+    bodies = [1.0, 0.0], np.array([[0, 0, 0], [1.0, 0, 0]]), np.array([[0, 0, 0], [0, 1.1, 0]])
+    found = []
+    for length, time in ((1.0, 1.0), (1e8, 1e6)):
+        gm, q, v = bodies[0], bodies[1] * length, bodies[2] * length / time
+        scaled = orbits.System(["star", "stone"], np.array(gm) * length**3 / time**2, q, v, units=orbits.DIMENSIONLESS)
+        m = orbits.megno(scaled, "wisdom-holman", dt=0.125 * time, duration=30 * time, samples=2)
+        found.append(m["stone"].megno[-1])
+    np.testing.assert_allclose(*found, rtol=1e-7)  # round-off of the scaled start, and of dt to 24 bits

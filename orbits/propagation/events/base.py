@@ -135,6 +135,11 @@ class Sought:
         object.__setattr__(self, "direction", int(given))
 
     @property
+    def bodies_named(self) -> tuple[str, ...]:
+        """The names of bodies that it was given."""
+        return tuple(name for key in self.named if (name := getattr(self, key)) is not None)
+
+    @property
     def acts(self) -> bool:
         """Whether something acts on the bodies there."""
         return not isinstance(self.then, str)

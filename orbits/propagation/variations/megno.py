@@ -94,9 +94,10 @@ def megno(
     heliocentric coordinates and with `SABA` each is followed by itself. Passages that a map cannot follow are reported
     at the end, with a warning and as `passage` of the orbit; WisdomHolman(encounters="retire") gives NaN from there on.
 
-    The length of a vector is that of all dq and dv tau, with the shortest dynamical time tau at the start, in the
-    coordinates that are marched; MEGNO does not depend on this choice in the end. Vectors are scaled when they become
-    large. Nothing is stored: an interrupted computation is lost.
+    The length of a vector is that of all dq and dv tau, in the coordinates that are marched, with the dynamical time
+    tau at the start of the massive bodies and the particle, or of the bodies alone if particles march together; MEGNO
+    does not depend on this choice in the end. Vectors are scaled when they become large. Nothing is stored: an
+    interrupted computation is lost.
 
     Raises as `orbits.state_transition`. A massless particle that is lost on the way has NaN from there on, with a
     `RetiredWarning`.
@@ -132,17 +133,17 @@ def megno_of(
     threads: int | None = None,
 ) -> Megno:
     """As `megno`, on an existing grid of steps and samples."""
-    # Of massive bodies alone where particles march together, so that none depends on the others.
-    together = integrator.follows_kepler and not coupled and march_together(integrator, model(system).lagrangian)
-    scale = dynamical_time(massive_of(system).system if together else system)
-    scale = scale if np.isfinite(scale) else 1.0
-
     def growth(followed: Varied) -> tuple[Array, IntegrationError | None]:
-        return _growth(followed, integrator, grid, scale, seed, vectors)
+        # The time of what is followed alone, so that no particle depends on the others.
+        scale = dynamical_time(followed.system)
+        return _growth(followed, integrator, grid, scale if np.isfinite(scale) else 1.0, seed, vectors)
 
-    massive, made = None, made_by(system, integrator, grid)
+    heavy, massive, made = massive_of(system), None, made_by(system, integrator, grid)
+    scale = dynamical_time(heavy.system)
+    maps = integrator.follows_kepler and np.isfinite(scale)  # a body that is alone has no time for its particles
+    together = maps and not coupled and march_together(integrator, model(system).lagrangian)
     if not given_bodies(system):
-        found, failure = growth(massive_of(system))
+        found, failure = growth(heavy)
         if failure is not None:
             raise failure
         massive = _results(system, grid, [WHOLE], Growths.of([found]))[0]

@@ -65,6 +65,11 @@ class Seen(Sought):
             raise InputError(f"{what}: {twice!r} twice; expected {several} bodies.")
         checked_flag(self.apparent, f"{what}.apparent")
 
+    @property
+    def bodies_named(self) -> tuple[str, ...]:
+        """The names of the bodies, and of an observer among them."""
+        return tuple(name for name in (self.body, self.other, self.observer) if isinstance(name, str))
+
     def sight(self, system: System) -> Sight:
         """Return the bodies, from there. Raises InputError for one body twice, and UnknownNameError."""
         what = type(self).__name__

@@ -71,6 +71,11 @@ class Event(Sought):
         if len(set(bodies)) < len(bodies):
             raise InputError(f"Event: {bodies[0]!r} twice; expected two bodies.")
 
+    @property
+    def bodies_named(self) -> tuple[str, ...]:
+        """The bodies that it is about."""
+        return self.bodies  # type: ignore[no-any-return]
+
     @staticmethod
     def symbols(body: str) -> Any:
         """Return the SymPy symbols x, y, z, vx, vy, vz of a body, in the axes and units of the system."""
