@@ -56,6 +56,7 @@ class Header:
     steps : for how many states at the beginnings of steps there is room, for dense output; 0 for none
     origin : the scenario with options that the run was made by; None for any other run
     approaches : whether closest approaches are recorded, as in all archives that do not say so
+    energy_bound : the relative energy error that ends the run; infinite without one
 
     Raises ArchiveError for values that no run has.
     """
@@ -69,6 +70,7 @@ class Header:
     steps: int = 0
     origin: Origin | None = None
     approaches: bool = True
+    energy_bound: float = math.inf
 
     def __post_init__(self) -> None:
         _check_integrator(self.integrator)
@@ -138,6 +140,8 @@ def to_items(header: Header) -> dict[str, Item]:
         items["@scenario"] = header.origin.to_json()
     if header.steps:
         items["steps@room"] = float(header.steps)
+    if header.energy_bound < math.inf:
+        items["@energy_bound"] = float(header.energy_bound)
     for name, text in header.provenance.items():
         items[f"provenance@{name}"] = str(text)
     for name, item in items.items():
@@ -191,6 +195,7 @@ def from_items(items: Mapping[str, Any]) -> Header:
         _room(items) if "steps@room" in items else 0,
         Origin.from_json(_item(items, "@scenario", str)) if "@scenario" in items else None,
         _approaches(items) if "@approaches" in items else True,
+        _energy_bound(items) if "@energy_bound" in items else math.inf,
     )
 
 
@@ -208,6 +213,14 @@ def _approaches(items: Mapping[str, Any]) -> bool:
     if recorded not in (0.0, 1.0):
         raise ArchiveError(f"@approaches is {recorded}; expected 1 if closest approaches are recorded, 0 if not.")
     return bool(recorded)
+
+
+def _energy_bound(items: Mapping[str, Any]) -> float:
+    """Return the energy error that ends the run. Raises ArchiveError for a number that no run has."""
+    bound: float = _item(items, "@energy_bound", float)
+    if not 0.0 < bound < math.inf:
+        raise ArchiveError(f"@energy_bound is {bound}; expected a positive number.")
+    return bound
 
 
 def _room(items: Mapping[str, Any]) -> int:

@@ -201,6 +201,11 @@ class Archive:
         return self._header.approaches
 
     @property
+    def energy_bound(self) -> float:
+        """The relative energy error that ends the run; infinite without one."""
+        return self._header.energy_bound
+
+    @property
     def complete(self) -> bool:
         """Whether all samples of the run are stored, and the run came to its end."""
         return self.committed == len(self.times) and (self.ended.finished or not self.grid.goes_on)

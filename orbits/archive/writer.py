@@ -8,6 +8,7 @@ last finished commit and all data that it refers to are intact.
 
 from __future__ import annotations
 
+import math
 import os
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -69,6 +70,7 @@ class ArchiveWriter:
         steps: int = 0,
         origin: Origin | None = None,
         approaches: bool = True,
+        energy_bound: float = math.inf,
         overwrite: bool = False,
     ) -> Self:
         """Create the file, with all of its space reserved and the start of the run committed.
@@ -83,13 +85,14 @@ class ArchiveWriter:
         steps : room for so many states at the beginnings of steps, for dense output; it grows as needed
         origin : the scenario with options that the run is made by
         approaches : whether closest approaches are recorded
+        energy_bound : the relative energy error that ends the run, if there is one
         overwrite : whether a file at `path` may be replaced; it is kept until the new one is complete
 
         Raises ArchiveError for a path that exists, that cannot be written, or that another run is writing;
         StorageError, with the required and the free space, if the device has not enough.
         """
-        texts = certificate, events
-        header = Header(system, dict(integrator), grid, dict(provenance), *texts, steps, origin, approaches)
+        described = system, dict(integrator), grid, dict(provenance), certificate, events
+        header = Header(*described, steps, origin, approaches, energy_bound)
         place = schema.resolved(path)
         check_target(place, overwrite)
         nothing = np.empty((0, len(system), 3))

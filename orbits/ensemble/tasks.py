@@ -333,15 +333,14 @@ def _given_up(runs: Mapping[int, Trajectory], ready: Mapping[int, Run]) -> Itera
 
 def _continued(path: Path, stop: Any) -> Run | Trajectory | None:
     """Return a run that has ended, or the rest of one that was interrupted; None, without its file, if that cannot be
-    continued, or may be ended by a condition in `stop` that archives do not hold.
+    continued, or has a limit of its wall time in `stop`, which archives do not hold.
     """
     with suppress(OrbitsError):
         run = Trajectory.open(path)
         if run.complete or run.stopped is not None:
             return run
         run.close()
-        conditions = Conditions(stop)
-        if conditions.energy == conditions.seconds == math.inf:
+        if Conditions(stop).seconds == math.inf:
             return resumed(path, RunOptions(progress=False, threads=1))
     path.unlink()
     return None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import partial
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -21,7 +23,7 @@ from orbits.propagation.checks.before_the_start import (
 from orbits.propagation.checks.precision import check_length
 from orbits.propagation.checks.rigid_runs import check_rigid
 from orbits.propagation.control.heartbeat import Heartbeat
-from orbits.propagation.control.stop_conditions import Condition, Conditions, check_callback
+from orbits.propagation.control.stop_conditions import Condition, Conditions, EnergyErrorAbove, check_callback
 from orbits.propagation.control.wall_clock import Deadline
 from orbits.propagation.events.base import Sought
 from orbits.propagation.events.seeking import Seeking
@@ -121,6 +123,7 @@ def begun(system: System, integrator: Integrator, grid: TimeGrid, how: RunOption
             steps=room_for_steps(system, integrator, grid) if dense else 0,
             origin=how.origin,
             approaches=marcher.current.problem.approaches,
+            energy_bound=conditions.energy,
             overwrite=how.overwrite,
         )
 
@@ -152,7 +155,13 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
             return of_archive(Trajectory, old, path=str(path))
         check_span(system, grid)
         place = old.checkpoint(), old.committed
-        marcher, seeking, accounts = taken_up(old, grid, place, how.events, exactly=exactly, threads=how.threads)
+        conditions = Conditions(EnergyErrorAbove(old.energy_bound) if old.energy_bound < math.inf else ())
+        again = partial(taken_up, old, grid, place, how.events, exactly=exactly, threads=how.threads)
+        marcher, seeking, accounts = again(conditions)
+        energy = marcher.home.energy
+        if energy is not None and energy.is_exceeded(marcher.home):  # which ended the run; it goes on past it
+            conditions = Conditions(())
+            marcher, seeking, accounts = again(conditions)
         steps = None if marcher.changed else continued(old, marcher.current)
     except BaseException:
         old.close()
@@ -166,7 +175,7 @@ def resumed(path: Path, how: RunOptions, until: Any = None, *, exactly: bool = T
         return extended(old, grid, now)
 
     before = last_sample(old, old.committed)
-    watch = RunEnds(system, marcher, Conditions(()), None, True, seeking, before, how.wall_time)
+    watch = RunEnds(system, marcher, conditions, None, True, seeking, before, how.wall_time)
     known = how.progress, watch, accounts, steps
     return Run(
         system, integrator, marcher, grid, old.committed, begin, *known, release=old.close, heartbeat=how.heartbeat

@@ -46,6 +46,20 @@ def test_a_stopped_archive_goes_on_to_the_bits_of_a_run_that_was_not_stopped(sys
     assert np.array_equal(resumed.q, straight.q)
 
 
+def test_a_bound_of_the_energy_error_is_kept_by_an_archive_until_it_has_ended_the_run(system, tmp_path):
+    # A run that was resumed before it went on past the bound, without a word.
+    options = {"dt": 6 * u.day, "duration": 600 * u.day, "stop": orbits.events.EnergyErrorAbove(1e-6)}
+    method, path = orbits.methods.RungeKutta4(), tmp_path / "run.h5"
+    straight = orbits.propagate(system, method, **options)
+    orbits.propagate(system, method, archive=path, callback=lambda t, now: t > 10 * u.day, **options).close()
+    resumed = orbits.resume(path)
+    assert resumed.stopped.reason == straight.stopped.reason
+    assert resumed.stopped.condition == options["stop"]
+    assert np.array_equal(resumed.q, straight.q)
+    resumed.close()
+    assert orbits.resume(path).complete
+
+
 def test_any_pair_will_do(system):
     run = orbits.propagate(
         system, GAUSS, dt=6 * u.day, duration=3 * u.yr, samples=2, stop=orbits.events.CloserThan(0.3075 * u.au)

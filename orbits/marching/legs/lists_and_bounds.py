@@ -129,6 +129,11 @@ class EnergyBound(LegWatcher):
     def __init__(self, start: float, most: float) -> None:
         self.start, self._most = start, most
 
+    def is_exceeded(self, leg: Leg) -> bool:
+        """Return whether the energy error is above its bound where a leg is."""
+        state = leg.stepper.state
+        return abs(leg.observers.energy(state["q"], state["v"]) - self.start) > self._most * abs(self.start)
+
     def look(self, leg: Leg, count: int) -> Interruption | None:
         """Return after which step the energy error is above its bound."""
         step = leg.observers.first_energy_error(count, self.start, self._most * abs(self.start))

@@ -12,6 +12,7 @@ from orbits.errors import ArchiveError
 from orbits.marching.legs.march import March
 from orbits.propagation.chain_of_legs import ChainOfLegs
 from orbits.propagation.collisions.bodies_of_run import BodiesOfRun
+from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.events.archived import sought_again
 from orbits.propagation.events.base import Sample, Sought
 from orbits.propagation.events.seeking import Seeking
@@ -33,6 +34,7 @@ def taken_up(
     grid: TimeGrid,
     place: tuple[dict[str, Any], int] | None,
     events: Sought | Sequence[Sought],
+    conditions: Conditions | None = None,
     *,
     exactly: bool,
     threads: int | None,
@@ -40,11 +42,11 @@ def taken_up(
     """Return the march of an archived run, what it seeks, and the accounts of its forces.
 
     place : one of its checkpoints, with the number of samples before it; None for the start
-    events, exactly : as in `resume`
+    events, exactly : as in `resume`; conditions : that may end it
     """
     system, path, (integrator, _) = archive.system, archive.path, made_by(archive)
     seeking = sought_again(archive, events, path, exactly)
-    marcher = march_of_run(system, integrator, grid.clock, threads, seeking, approaches=archive.approaches)
+    marcher = march_of_run(system, integrator, grid.clock, threads, seeking, conditions, archive.approaches)
     accounts = accounts_in(archive, len(grid), len(system.forces), most_inner(system))
     if place is not None:
         checkpoint, committed = place
