@@ -5,9 +5,10 @@ and with a mass so small that it moves nothing: its motion within steps is then 
 is found follows from the samples, so that a run that is resumed finds the same; and it is on the motion of the run, on
 which `run.at` is as well, however chaotic that is.
 
-Where events only record and steps are chosen one by one, a march through many samples comes first: most ways between
-two have no event, and are left out. It excludes, but finds nothing, so that it does not matter which samples are looked
-at together. Constant steps through many samples would lead to another motion than those from each of them.
+Where events only record, a march through many samples comes first: most ways between two have no event, and are left
+out. It excludes, but finds nothing, so that it does not matter which samples are looked at together. Constant steps of
+a method that is not symmetric lead through many samples on another motion than from each of them, as the partial step
+to the first one is taken back: then every way is looked at.
 """
 
 from __future__ import annotations
@@ -48,8 +49,9 @@ NOTHING = 1e-9
 FEWEST, TOGETHER, MANY = 8, 64, 256
 """The fewest and the most samples of which the motion through all may exclude events between two; its most steps."""
 
-OFF = 1e-9
-"""How far it may pass a sample, as a fraction of the longest way of a body in a step."""
+OFF, ROUNDED = 1e-9, 1e-14
+"""How far it may pass a sample, as a fraction of the longest way of a body in a step, and besides, for rounding errors,
+of the largest distance of a body from the origin."""
 
 
 class ParticlesOfRun:
@@ -263,7 +265,7 @@ class ParticlesOfRun:
         if FOLLOW in integrator.in_encounters:  # as it is followed there
             integrator, clock = METHOD, Adaptive().towards(clock.direction)
         march, start = along_steps(system, integrator, clock, begun, q, v, dense=True)
-        times, left = march.leg.times, True
+        times, left = march.leg.times, True  # also if there is no whole step
         times.end_exactly()
         for motion, ends in within_step.stretches(march, clock.place(time - start)):
             left = abs(times.part_until(time)) > NOTHING
@@ -276,11 +278,14 @@ def _leads_to(motion: Motion, times: Array, q: Array, direction: float) -> bool:
     """Return whether a motion leads to positions, (m, n, 3), at those of the times (m,) that it covers."""
     ahead, ends = times * direction, motion.times * direction
     inside = (ends[0] <= ahead) & (ahead <= ends[-1])
+    if not inside.any():
+        return True
     steps = np.minimum(np.searchsorted(ends, ahead[inside], side="right"), len(motion)) - 1
     lengths = motion.lengths[steps]
     there, v = motion.at(steps, (times[inside] - motion.times[steps]) / lengths)
     off, ways = (np.linalg.norm(x, axis=2).max(axis=1, initial=0.0) for x in (there - q[inside], v))
-    return bool((off <= OFF * np.abs(lengths) * ways).all())
+    reach = np.linalg.norm(q, axis=2).max(initial=0.0)
+    return bool((off <= OFF * np.abs(lengths) * ways + ROUNDED * reach).all())
 
 
 def along_steps(

@@ -188,7 +188,7 @@ class Trajectory(MarchedAgain, Conservation, Named, Tabular, Renamed):
     def dt(self) -> u.Quantity:
         """The step that was used, > 0: the requested step, rounded to 24 bits.
 
-        Raises InputError for a run of a method with adaptive steps.
+        Raises InputError for a run whose steps differ, or are unknown.
         """
         if math.isnan(self.step):
             steps = self.clock.describe(self.integrator) or "steps of unknown length"

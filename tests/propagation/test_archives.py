@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,8 +14,10 @@ import pytest
 from astropy import units as u
 
 import orbits
+from orbits.archive import Archive
 from orbits.errors import ArchiveError, ConvergenceError, InputError, Interrupted
 from orbits.propagation.resuming import sample_store
+from orbits.propagation.resuming.from_checkpoint import taken_up
 from tests.stopping import after_samples
 
 from ..coverings import at, first
@@ -73,6 +76,7 @@ PROGRAM = """
 import sys, orbits
 from astropy import units as u
 from orbits.propagation.resuming import sample_store
+from orbits.propagation.resuming.from_checkpoint import taken_up
 sample_store.COMMIT_SECONDS = 0.0  # commit after every block of steps
 system = orbits.System.solar_system(epoch="2022-08-09").add_particles(orbits.asteroids(12))
 print("started", flush=True)
@@ -227,3 +231,42 @@ def test_a_trajectory_in_an_archive_is_read_lazily(tmp_path):
     assert run["Ceres"].q.shape == (23, 3)
     assert str(path) in repr(run)
     assert Path(run.path) == path
+
+
+AWAY = {
+    "on an excursion": (orbits.WisdomHolman(encounters="follow"), {"dt": 0.1, "duration": 60.0, "samples": 1157}),
+    "within a step": (orbits.Gauss(stages=4), {"dt": 0.25, "duration": 12.0, "samples": 1201}),
+    "at a step": (orbits.Gauss(stages=4), {"dt": 0.25, "duration": -12.0, "samples": 1201}),
+}
+
+
+def faster(t, system):
+    return system.replaced(v=system.v * 1.001)
+
+
+@pytest.mark.parametrize("way", AWAY)
+def test_a_checkpoint_with_another_number_of_steps_is_refused(tmp_path, way):
+    # Where bodies are away from the steps of the clock, its time says nothing about their number; a march would go on
+    # from there by steps of another length.
+    method, options = AWAY[way]
+    bodies = {"star": {"gm": 1.0}, "a": {"a": 1.0, "e": 0.1, "gm": 1e-3}, "p": {"a": 1.2, "e": 0.2, "M": 2.0}}
+    bodies["b"] = {"a": 1.35, "e": 0.18, "M": 0.5, "gm": 1e-3}
+    system = orbits.System.from_elements(bodies, units=orbits.DIMENSIONLESS)
+    acting = orbits.events.Apocentre("a", then=faster) if way == "within a step" else ()
+    path, last = tmp_path / "run.h5", {"on an excursion": 20.0, "within a step": 0.0, "at a step": 2.0}[way]
+
+    def ends(t, state):
+        return abs(t.value) > last
+
+    if acting:
+        events = orbits.propagate(system, method, events=acting, check_step=False, **options).events
+        last = float(events.time.value[0])
+    orbits.propagate(system, method, archive=path, events=acting, callback=ends, check_step=False, **options).close()
+    with Archive.open(path) as archive:
+        checkpoint = archive.checkpoint()
+        for more in (0, 3, 10**6):
+            changed = {name: array.copy() for name, array in checkpoint.items()}
+            changed["counts"][0] += more
+            message = f"is damaged: its checkpoint is at step {changed['counts'][0]}, t ="
+            with pytest.raises(ArchiveError, match=message) if more else nullcontext():
+                taken_up(archive, archive.grid, (changed, archive.committed), acting, exactly=True, threads=1)

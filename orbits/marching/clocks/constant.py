@@ -33,8 +33,8 @@ STEP_BITS = 24
 """Bits of the significand of a step, so that k h is exact."""
 
 
-OF_BODIES, OWN = "of the bodies", "own"
-"""The steps that massless particles may take."""
+SHARED, OWN = "shared", "own"
+"""The steps that massless particles may take: those of the bodies, or their own."""
 
 
 def rounded_step(dt: float) -> float:
@@ -49,7 +49,7 @@ class Clock:
     timing : the tag by which compiled code identifies it
     changes : whether steps differ in length
     refined_by : what is made smaller for more accuracy, in words
-    particle_steps : which steps massless particles take: those of the bodies, or their own, by clocks of their own
+    particle_steps : which steps massless particles take: `SHARED`, or their `OWN`, by clocks of their own
     passage_limits : which passages are listed, see `thresholds` in `orbits.marching.watching.leg_observers`, if that
         does not depend on the method
     direction : 1 forwards in time, -1 backwards
@@ -63,7 +63,7 @@ class Clock:
     changes: ClassVar[bool] = False
     refined_by: ClassVar[str] = "dt"
     passage_limits: ClassVar[tuple[float, float, float] | None] = None
-    particle_steps: ClassVar[str] = OF_BODIES
+    particle_steps: ClassVar[str] = SHARED
     direction: float
     h: float
 
@@ -140,11 +140,15 @@ class Clock:
 
         unit : of time
         """
-        raise NotImplementedError
+        return ""
 
     def step_times(self, start: float) -> StepTimes:
         """Return what tells a leg that begins at `start` when its steps are."""
         raise NotImplementedError
+
+    def most_steps(self, time: float) -> float:
+        """Return the most steps that a march may have taken at a time."""
+        return math.inf
 
     def step_begin(self, time: float) -> float:
         """Return the latest time, not after this one, at which a march can begin and take the steps of the run."""
@@ -254,6 +258,10 @@ class ConstantSteps(Clock):
         """Return what tells a leg that begins at `start` when its steps are."""
         return GridTimes(self, start)
 
+    def most_steps(self, time: float) -> float:
+        """Return the whole steps before a time."""
+        return self.place(time).steps
+
     def step_begin(self, time: float) -> float:
         """Return the time at which the step at a time begins."""
         return float(self.time(self.place(time).steps))
@@ -359,13 +367,15 @@ class GridTimes(StepTimes):
         return Place(self.step, time - self.time)
 
     def places_of(self, readings: Array) -> Places:
-        """Return whole steps of the leg, and rests of readings that are no whole numbers."""
+        """Return whole steps of a leg that begins with a step of the clock, and rests of readings that are no whole
+        numbers.
+        """
         whole = np.floor(readings)
         steps = whole.astype(np.int64) - self.clock.place(self.start).steps
         return Places(steps, np.asarray(self.clock.time(readings - whole)))
 
     def part_until(self, time: float) -> float:
-        """Return the time to another one, in steps."""
+        """Return the time from the one reached to another one, in steps."""
         return (time - self.time) / self.clock.h
 
     def next_place(self) -> Place:

@@ -139,7 +139,7 @@ class StepTimes:
         raise NotImplementedError
 
     def part_until(self, time: float) -> float:
-        """Return which part of a step there is from the time reached to another one: 0 for steps that end there."""
+        """Return the time from the one reached to another one, in steps; 0 for steps that are chosen to end there."""
         return 0.0
 
     def next_place(self) -> Place:

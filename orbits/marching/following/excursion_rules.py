@@ -18,13 +18,13 @@ from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.kernels.state import Columns
 from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import OF_BODIES, OWN, Clock
+from orbits.marching.clocks.constant import OWN, SHARED, Clock
 from orbits.marching.following.alone_in_map import Lone
 from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower
 from orbits.marching.following.in_lanes import GROUP
-from orbits.marching.following.in_steps import Reached, State, hit_by, seen_of, write_lost
 from orbits.marching.following.losses import Contact
+from orbits.marching.following.lost_particles import Reached, State, hit_by, seen_of, write_lost
 from orbits.marching.following.own_clocks import COLUMNS
 from orbits.marching.following.own_memory import ByOwnSteps, OwnMemory
 from orbits.marching.following.particle_excursions import (
@@ -183,7 +183,7 @@ def follower_of(
     """
     if followed is not None:
         return WithExcursions(form, n, steps, helpers, coefficients, followed, parameters)
-    return {OF_BODIES: Follower, OWN: ByOwnSteps}[clock.particle_steps](form, n, steps, helpers, coefficients)
+    return {SHARED: Follower, OWN: ByOwnSteps}[clock.particle_steps](form, n, steps, helpers, coefficients)
 
 
 def _as_tuple(parameters: Any) -> tuple[Any, ...]:

@@ -15,13 +15,13 @@ from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.contract import Block, Followers, Room, follow_block
 from orbits.marching.following.in_lanes import IN_LANES, ONE_BY_ONE
-from orbits.marching.following.in_steps import InSteps
+from orbits.marching.following.lost_particles import LostParticles
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.leg_observers import Observers
 
 
-class Follower(InSteps):
+class Follower(LostParticles):
     """Massless particles that take the steps of the massive bodies, through their recorded stages.
 
     form : of the method; n : the number of massive bodies; steps : the most in a block; helpers : the threads

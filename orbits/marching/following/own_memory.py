@@ -15,8 +15,8 @@ from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.bodies_between import PLACES, Field, chart
 from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower
-from orbits.marching.following.in_steps import Reached, State, hit_by, write_lost
 from orbits.marching.following.losses import Contact
+from orbits.marching.following.lost_particles import Reached, State, hit_by, write_lost
 from orbits.marching.following.own_clocks import ABSENT, BY_OWN_STEPS, COLUMNS, REACHED, OwnStepping, Shared
 from orbits.marching.following.own_steps_log import BESIDES, Log
 from orbits.marching.following.retirement import Lost

@@ -24,7 +24,7 @@ from orbits.lagrangians.base import Lagrangian
 from orbits.marching.clocks.constant import Clock, clock_of
 from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.excursion_rules import OwnSteps
-from orbits.marching.following.in_steps import InSteps
+from orbits.marching.following.lost_particles import LostParticles
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs import within_step
 from orbits.marching.legs.block_loop import BlockLoop
@@ -66,7 +66,7 @@ class Leg(March):
             followed = OwnSteps.of(problem.lagrangian, gm, int(gm.argmax()), surfaces, problem.integrator.least_steps)
         self.stepper = Stepper(problem, self.times, followed, q, v)
         form, loops = self.stepper.form, self.stepper.loops
-        self.follower: InSteps = loops.follower or InSteps()
+        self.follower: LostParticles = loops.follower or LostParticles()
         self.block = loops.steps
         state = self.stepper.state
         state["approaches"] = empty_record(len(problem.gm), problem.approaches)

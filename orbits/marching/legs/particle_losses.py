@@ -15,8 +15,8 @@ from orbits.kernels.search.record import COLUMNS, MATE, ROW, WHEN
 from orbits.kernels.steps import NEAR_A_PLANET, OK
 from orbits.marching.clocks.step_times import UNLIMITED
 from orbits.marching.following import losses
-from orbits.marching.following.in_steps import Reached
 from orbits.marching.following.losses import Contact, Suspect
+from orbits.marching.following.lost_particles import Reached
 from orbits.marching.following.retirement import Lost, Retired, Retirement, earlier, hit, retirements
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
 from orbits.marching.watching import kepler_passages

@@ -53,8 +53,8 @@ class Problem:
     start : the time at which the leg begins; with a clock whose steps differ, which counts from 0, that which terms
         and forces see when it reads 0
     dense : whether each step is recorded for `motion`
-    surfaces : (n,), radii of the bodies, if massless particles take steps of their own in encounters, in which they
-        are retired if they hit one
+    surfaces : (n,), radii of the bodies, if massless particles that are followed in encounters, by steps of their own,
+        are retired where they hit one
     underway : whether it begins in a state of a run that is over, which decided which particles are retired before
         encounters: here they are not, and may be in one
     approaches : whether closest approaches are looked for; passages that the steps may not resolve are in any case

@@ -178,9 +178,7 @@ class SamplesThroughStages(SamplesOfParticles):
     def __init__(self, leg: Leg) -> None:
         self._memory = leg.stepper.state["particle_memory"].shape
         super().__init__(leg)
-        stays = np.ones(self._memory)
-        leg.stepper.form.forget_particles(stays)
-        self._reads_carries = self._reads_carries or bool(stays.any())
+        self._reads_carries = self._reads_carries or leg.stepper.form.keeps_particles
         self._copy: State = {}
 
     def _shapes(self) -> tuple[int, ...]:

@@ -123,7 +123,7 @@ class Motion:
         return out[1].reshape(stages, each), out[0].reshape(stages, each)
 
     def _shaped(self, q: Array, v: Array) -> tuple[Array, Array]:
-        shape = (len(q), 3, -1)
+        shape = len(q), 3, self._partial.size // 3
         return q.reshape(shape).transpose(0, 2, 1), v.reshape(shape).transpose(0, 2, 1)
 
     def _within(self, steps: ArrayLike, fractions: ArrayLike, rough: bool) -> tuple[Array, Array]:

@@ -34,7 +34,7 @@ def _recorded(run: Trajectory) -> Record:
         path, approaches, checkpoint = str(archive.path), archive.approaches, archive.checkpoint()
     marcher = bound(run.system, run.integrator, run.clock, threads=1, approaches=approaches)
     restore(marcher, unchanged(checkpoint), path)
-    if archive is not None and (marcher.time - archive.grid.end) * run.clock.direction > 0.0:
+    if archive is not None and marcher.step > run.clock.most_steps(archive.grid.end):
         raise ArchiveError(
             f"{path} is damaged: its checkpoint is at step {marcher.step}, which lies behind the end of the run. "
             "Restore it from a copy."

@@ -84,8 +84,9 @@ def _check_place(marcher: March, grid: TimeGrid, committed: int, path: str | Pat
     following = float(grid.goals[committed])
     # A chosen step of an excursion may begin more than a step of the map before a sample that lies in it.
     last = int(grid.steps[committed - 1]) if committed and marcher.current.leg is marcher.home else 0
-    if marcher.step < last or not (following - marcher.time) * grid.direction >= 0.0:
+    possible = last <= marcher.step <= grid.clock.most_steps(following)
+    if not possible or not (following - marcher.time) * grid.direction >= 0.0:
         raise ArchiveError(
-            f"{path} is damaged: its checkpoint is at step {marcher.step}, {marcher.time:.10g}, but the sample before "
-            f"it is at step {last} or later, and the next one at {following:.10g}. Restore it from a copy."
+            f"{path} is damaged: its checkpoint is at step {marcher.step}, t = {marcher.time:.10g}; expected step "
+            f"{last} or a later one, before the next sample at t = {following:.10g}. Restore it from a copy."
         )

@@ -1,7 +1,8 @@
-"""How massless particles go on in the steps of the bodies, as far as those that are lost are concerned.
+"""What becomes of massless particles that are lost in a block, which a leg asks its follower.
 
-By clocks of their own, and in encounters that a map does not follow, they take steps of their own instead, are lost
-within a step of the bodies, and may hit a body on the way: what is different then is said by these followers.
+In the steps of the bodies they are lost between two of them. By clocks of their own, and in encounters that a map does
+not follow, they take steps of their own, are lost within a step of the bodies, and may hit a body on the way: these
+followers override what is different.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ Reached = dict[str, Any]
 """Arrays of the state of lost particles."""
 
 
-class InSteps:
-    """Particles that take the steps of the bodies; or none."""
+class LostParticles:
+    """What becomes of lost particles that take the steps of the bodies; of a leg without particles, of none."""
 
     def sees_falls(self, radius: float) -> bool:
         """Return whether passages of the dominant body, of this radius, are listed only to see who falls on it."""
@@ -34,7 +35,7 @@ class InSteps:
 
     def ended_by(self, lost: Lost, count: int) -> int:
         """Return after how many of the `count` steps of a block lost particles are retired: those before the step in
-        which they are.
+        which they are lost.
         """
         return lost.steps
 
