@@ -6,6 +6,7 @@ for such steps (`WithExcursions` in `excursion_rules.py`). Which one serves a ma
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,7 +16,9 @@ from orbits.kernels.binding import Tag, kernel_of
 from orbits.kernels.lanes import WIDTH
 from orbits.marching.following.contract import Block, Followers, Room, follow_block
 from orbits.marching.following.in_lanes import IN_LANES, ONE_BY_ONE
-from orbits.marching.following.lost_particles import LostParticles
+from orbits.marching.following.losses import Contact
+from orbits.marching.following.lost_particles import LostParticles, Reached, State, seen_of, write_lost
+from orbits.marching.following.retirement import Lost
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.pool import Helpers
 from orbits.marching.watching.leg_observers import Observers
@@ -38,6 +41,7 @@ class Follower(LostParticles):
     def __init__(self, form: Form, n: int, steps: int, helpers: Helpers, coefficients: Any) -> None:
         self._helpers, members = helpers, range(helpers.members)
         self.following = IN_LANES if kernel_of(form.tag.type, "width") in (None, WIDTH) else ONE_BY_ONE
+        self._transforms = form.transforms
         self._own_form: Tag = form.tag  # of the method of a particle's own steps
         self._evaluations = np.zeros((helpers.members, WIDTH), dtype=np.int64)  # a cache line for each thread
         shapes = form.scratch_shape(3 * n), (12 * (steps + 1), WIDTH)
@@ -45,6 +49,13 @@ class Follower(LostParticles):
         # Records, and the arguments made of them: of the march itself, and of copies of its state, not observed.
         self._bound: dict[bool, tuple[tuple[Any, ...], list[tuple[Any, ...]]]] = {}
         self.track: Array = self._rooms[0][1]
+
+    def put(
+        self, state: State, seen: State, lost: Lost, reached: Reached, contacts: Mapping[int, Contact]
+    ) -> None:
+        """Write where lost particles are seen into the state of a leg, if it marches other variables."""
+        if self._transforms:
+            write_lost(state, lost, seen_of(seen, lost))
 
     @staticmethod
     def memory_rows(form: Form) -> int:

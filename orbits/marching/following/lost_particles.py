@@ -54,12 +54,10 @@ class LostParticles:
     def put(
         self, state: State, seen: State, lost: Lost, reached: Reached, contacts: Mapping[int, Contact]
     ) -> None:
-        """Write where lost particles are seen, or have got to, into the state of a leg.
+        """Write where lost particles are seen, or have got to, into the state of a leg: by default they stay in it.
 
-        seen : the state as it is seen, which may be the one that is marched; contacts : of those that hit a body
+        seen : the state as it is seen; contacts : of those that hit a body
         """
-        if seen is not state:
-            write_lost(state, lost, seen_of(seen, lost))
 
     def losing_by(self, leg: Any, time: float) -> Any:
         """Return a leg that has lost what is lost by a time in the next step: here nothing more, as all particles take
