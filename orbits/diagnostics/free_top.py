@@ -18,6 +18,7 @@ from typing import Any
 import mpmath
 
 from orbits.errors import InputError
+from orbits.many_digits import many_digits
 
 
 def free_top(
@@ -34,7 +35,7 @@ def free_top(
     """
     if len(set(inertia)) < 3:
         raise InputError(f"inertia is {tuple(inertia)}; expected three different moments.")
-    with mpmath.workdps(digits):
+    with many_digits(digits):
         moments = [mpmath.mpf(x) for x in inertia]
         pi = mpmath.matrix([mpmath.mpf(x) for x in momentum])
         square = mpmath.fdot(pi, pi)

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from orbits.checks import real_numbers
 from orbits.diagnostics.doubledouble import Floats, Pair
 from orbits.errors import InputError
+from orbits.many_digits import many_digits
 
 LEAST_STARTS, LEAST_TIMES = 8, 4
 
@@ -31,7 +32,7 @@ def energy_errors(gm: ArrayLike, q: Pair, v: Pair) -> Floats:
         them
     """
     masses = [mpmath.mpf(float(m)) for m in real_numbers(gm, "gm")]
-    with mpmath.workdps(DIGITS):
+    with many_digits(DIGITS):
         found = [_energy(masses, numbers(q, k), numbers(v, k)) for k in range(len(q.hi))]
         return np.array([float(each / found[0] - 1) for each in found[1:]])
 

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike
 from orbits.checks import real_numbers, whole_number
 from orbits.discrete.base import Array, DiscreteLagrangian, Mechanics, time_step
 from orbits.errors import InputError
+from orbits.many_digits import many_digits
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -129,7 +130,7 @@ def _potential(q: float, kappa: float) -> float:
     """Return W(q), to round-off."""
     import mpmath
 
-    with mpmath.workdps(20):
+    with many_digits(20):
         return float(mpmath.polylog(2, -kappa * mpmath.expj(q)).real / kappa)
 
 

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from orbits.body_names import few
 from orbits.elements.two_body import two_body
 from orbits.errors import ConvergenceError, with_unit
+from orbits.many_digits import ONE_AT_A_TIME
 from orbits.point_masses import PointMasses
 from orbits.regression.stages import QUIET, Arrays, Stages
 from orbits.regression.taylor import ORDER, Doubled, taylor
@@ -97,7 +98,7 @@ def exact(start: PointMasses, times: Array, stages: Stages = QUIET) -> Reference
 
     def positions() -> Arrays:
         stages.begin(f"{name}: {len(gm):,} bodies, {len(times):,} samples")
-        with mpmath.workprec(PRECISION):
+        with ONE_AT_A_TIME, mpmath.workprec(PRECISION):
             two = np.count_nonzero(gm) == 2
             return {"q": _two_massive(gm, q, v, times) if two else _one_massive(gm, q, v, times)}
 

@@ -29,6 +29,7 @@ import numpy as np
 
 from orbits.checks import is_whole
 from orbits.errors import InputError, shown
+from orbits.many_digits import many_digits
 from orbits.tableaux.partitioned import DIGITS, Array, Exact, PartitionedTableau
 from orbits.tableaux.published import COMPOSITIONS, SPLITTINGS
 
@@ -74,7 +75,7 @@ class Scheme:
 
     def composed(self, base: PartitionedTableau) -> PartitionedTableau:
         """Return the tableau of the scheme with a base method: the stages of all steps in sequence."""
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             zero = mpmath.mpf(0)
             a: list[Any] = []
             a_bar: list[Any] = []
@@ -93,7 +94,7 @@ class Scheme:
 
         kick-drift by b_1, drift-kick by b_2, kick-drift by b_3, ...: k_0 = b_1, d_1 = b_1 + b_2, k_1 = b_2 + b_3, ...
         """
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             chain = [x for pair in zip(self.kicks, self.drifts, strict=False) for x in pair]
             weights: list[Any] = []
             for x in chain:
@@ -144,7 +145,7 @@ def scheme(base_order: int, order: int, name: str, *, splittings: bool = False) 
         elsewhere = (order, name) in COMPOSITIONS or (order, name) in SPLITTINGS
         reason = "is made for Störmer–Verlet or methods of order 2" if elsewhere else "is not a scheme for these orders"
         raise InputError(f"{shown(name)} {reason}; order {order} from order {base_order} has {', '.join(known)}")
-    with mpmath.workdps(DIGITS):
+    with many_digits(DIGITS):
         if (order, name) in SPLITTINGS and splittings and name not in ANY_BASE:
             source, kicks, drifts, kick_in_the_middle = SPLITTINGS[order, name]
             return Scheme(
@@ -182,7 +183,7 @@ def balanced(values: Exact, h: float) -> Array:
     bits = ceil(log2(2.0 * max(1.0, float(max(abs(x) for x in values)))))
     grid = Fraction(2) ** (frexp(h)[1] + bits - 53)
     out = np.empty(n)
-    with mpmath.workdps(DIGITS):
+    with many_digits(DIGITS):
         for i in range((n - 1) // 2):
             rounded = int(mpmath.nint(values[i] * mpmath.mpf(h) / (mpmath.mpf(grid.numerator) / grid.denominator)))
             out[i] = out[-1 - i] = float(rounded * grid)

@@ -8,8 +8,7 @@ from __future__ import annotations
 from fractions import Fraction
 from functools import lru_cache
 
-import mpmath
-
+from orbits.many_digits import many_digits
 from orbits.tableaux.partitioned import DIGITS, PartitionedTableau, exact
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
 
@@ -41,5 +40,5 @@ def runge_kutta_4() -> PartitionedTableau:
 
 
 def _unpartitioned(name: str, a: object, b: object, order: int) -> PartitionedTableau:
-    with mpmath.workdps(DIGITS + 10):
+    with many_digits(DIGITS + 10):
         return PartitionedTableau(name, exact(a), exact(a), exact(b), order)

@@ -9,10 +9,9 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-import mpmath
-
 from orbits.checks import whole_number
 from orbits.errors import InputError
+from orbits.many_digits import many_digits
 from orbits.tableaux.interpolation import collocation, legendre_zeros
 from orbits.tableaux.partitioned import DIGITS
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
@@ -33,6 +32,6 @@ def gauss(stages: int) -> SymplecticTableau:
             f"the number of stages is {stages}; expected at most {MOST_STAGES}: the coefficients of more are not known "
             "to enough digits."
         )
-    with mpmath.workdps(DIGITS + 10):
+    with many_digits(DIGITS + 10):
         a, b = collocation(legendre_zeros(stages))
         return symplectic(f"Gauss({stages})", a, a, b, 2 * stages)

@@ -17,6 +17,7 @@ from typing import Any
 import mpmath
 
 from orbits.checks import whole_number
+from orbits.many_digits import many_digits
 from orbits.tableaux.interpolation import collocation, legendre
 from orbits.tableaux.partitioned import DIGITS
 from orbits.tableaux.symplectic import SymplecticTableau, symplectic
@@ -55,7 +56,7 @@ def lobatto_iiib_iiia(stages: int) -> SymplecticTableau:
 
 def _pair(stages: int) -> tuple[Any, Any, Any]:
     stages = whole_number(stages, "the number of stages of a Lobatto method", least=2)
-    with mpmath.workdps(DIGITS + 10):
+    with many_digits(DIGITS + 10):
         a, b = collocation(_nodes(stages))
         s = range(stages)
         return a, [[b[j] * (1 - a[j][i] / b[i]) for j in s] for i in s], b

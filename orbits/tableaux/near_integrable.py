@@ -25,6 +25,7 @@ from typing import Any
 
 import mpmath
 
+from orbits.many_digits import many_digits
 from orbits.tableaux.compositions import balanced
 from orbits.tableaux.gauss import gauss
 from orbits.tableaux.partitioned import DIGITS, Array, Exact
@@ -54,7 +55,7 @@ KNOWN = (*REFINED, *((2 * s, 2) for s in range(1, MOST + 1)))
 @lru_cache(maxsize=32)
 def splitting(orders: tuple[int, ...]) -> tuple[Exact, Exact]:
     """Return a_1 ... a_(s+1) and b_1 ... b_s of a scheme of `KNOWN`, mpmath numbers to `DIGITS` digits."""
-    with mpmath.workdps(DIGITS + 10):
+    with many_digits(DIGITS + 10):
         if orders in REFINED:
             kicks, a, b = REFINED[orders]
 

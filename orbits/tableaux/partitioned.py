@@ -18,6 +18,8 @@ import mpmath
 import numpy as np
 from numpy.typing import NDArray
 
+from orbits.many_digits import many_digits
+
 DIGITS = 60
 
 Array = NDArray[np.float64]
@@ -48,7 +50,7 @@ class PartitionedTableau:
     @cached_property
     def exact_c(self) -> Exact:
         """Nodes c_i = sum_j a_ij, mpmath numbers."""
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             return tuple(mpmath.fsum(row) for row in self.exact_a)
 
     @cached_property
@@ -74,13 +76,13 @@ class PartitionedTableau:
     def symplecticity_residual(self) -> float:
         """Return the largest |b_i a_bar_ij + b_j a_ji - b_i b_j|, evaluated with `DIGITS` digits."""
         a, a_bar, b, s = self.exact_a, self.exact_a_bar, self.exact_b, range(self.stages)
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             return float(max(abs(b[i] * a_bar[i][j] + b[j] * a[j][i] - b[i] * b[j]) for i in s for j in s))
 
     def symmetry_residual(self) -> float:
         """Return the largest defect of a_ij + a_{s+1-i,s+1-j} = b_j = b_{s+1-j}, for a and a_bar."""
         b, s = self.exact_b, range(self.stages)
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             worst = max(abs(b[j] - b[-1 - j]) for j in s)
             for a in (self.exact_a, self.exact_a_bar):
                 worst = max(worst, *(abs(a[i][j] + a[-1 - i][-1 - j] - b[j]) for i in s for j in s))

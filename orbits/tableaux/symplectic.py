@@ -26,6 +26,7 @@ import mpmath
 import numpy as np
 
 from orbits.errors import InputError
+from orbits.many_digits import many_digits
 from orbits.tableaux.interpolation import lagrange_coefficients, value
 from orbits.tableaux.partitioned import DIGITS, Array, PartitionedTableau, exact, read_only
 
@@ -74,7 +75,7 @@ class SymplecticTableau(PartitionedTableau):
             return self.continuation
         if not -FAR <= ratio <= FAR:
             return np.eye(self.stages)
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             return _continuation(list(self.exact_c), ratio)
 
     def binary_residual(self) -> Fraction:
@@ -100,7 +101,7 @@ class SymplecticTableau(PartitionedTableau):
     def rounding_residual(self) -> float:
         """Return how far the floats are from the true coefficients, in units of 2^-53."""
         s = range(self.stages)
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             eta, mu = _eta(self), _mu(self)
             worst: Any = max(abs(mpmath.mpf(float(self.nodes[i])) - self.exact_c[i]) for i in s)
             worst = max(worst, *(abs(mpmath.mpf(float(self.eta[i, j])) - eta[i][j]) for i in s for j in s))
@@ -109,7 +110,7 @@ class SymplecticTableau(PartitionedTableau):
 
     def rounded_to_nearest(self) -> SymplecticTableau:
         """Return the pair with each coefficient rounded to the nearest float: a control, not exactly symplectic."""
-        with mpmath.workdps(DIGITS):
+        with many_digits(DIGITS):
             eta, mu = (np.array([[float(x) for x in row] for row in table]) for table in (_eta(self), _mu(self)))
             bar = [[float(x / b) for x, b in zip(row, self.exact_b, strict=True)] for row in self.exact_a_bar]
             rest = np.array([float(1 - c) for c in self.exact_c])
@@ -124,7 +125,7 @@ def symplectic(name: str, a: Any, a_bar: Any, b: Any, order: int, *, tolerance: 
     Raises InputError for shapes that do not fit, zero weights, a pair that is not symplectic, and coefficients above
     a million.
     """
-    with mpmath.workdps(DIGITS + 10):
+    with many_digits(DIGITS + 10):
         plain = PartitionedTableau(name, exact(a), exact(a_bar), exact(b), order)
         _require_pair(plain, tolerance)
         s = range(plain.stages)
@@ -179,7 +180,7 @@ def _require_pair(tableau: PartitionedTableau, tolerance: float) -> None:
             f"{tableau.name}: the weight b_{zero[0]} is zero, so its stage has no momentum of its own; expected "
             "weights that are not zero. Leave that stage out."
         )
-    with mpmath.workdps(DIGITS):
+    with many_digits(DIGITS):
         excess = mpmath.fsum(tableau.exact_b) - 1
     if abs(excess) > tolerance:
         raise InputError(

@@ -11,6 +11,7 @@ from typing import Any
 from orbits.errors import InputError
 from orbits.lagrangians.base import CONSTRAINED, GRADIENTS, SEPARABLE, TIME_DEPENDENT
 from orbits.lagrangians.symbolic.printing import FUNCTIONS, GUARD, Printer
+from orbits.many_digits import many_digits
 
 HEADER = '''"""Made by orbits from a Lagrangian in SymPy; made anew when it is missing, not to be edited."""
 
@@ -237,7 +238,7 @@ def _check_regular(formula: Formula, mass: Any) -> None:
     d = mass.rows
     for _ in range(POINTS):
         # With fifty digits, a determinant of zero stays below 1e-40 of the product of the rows' lengths.
-        with mpmath.workdps(50), contextlib.suppress(ZeroDivisionError, ValueError, OverflowError):
+        with many_digits(50), contextlib.suppress(ZeroDivisionError, ValueError, OverflowError):
             rows = mpmath.matrix(d, d)
             for k, x in enumerate(entries(*(mpmath.mpf(rng.uniform(0.2, 0.9)) for _ in symbols))):
                 rows[k // d, k % d] = x

@@ -27,6 +27,7 @@ from orbits.kernels.tangents.by_duals import OnDuals, blocks_of
 from orbits.kernels.tangents.through_momenta import MomentaRoom, follow_momenta
 from orbits.kernels.tangents.through_stages import ETA, Course, Fan, Room, follow
 from orbits.lagrangians.base import GIVEN, SEPARABLE, Lagrangian
+from orbits.many_digits import many_digits
 from orbits.marching.stepping.alignment import aligned
 from orbits.marching.stepping.motion import Motion
 from orbits.marching.tangents.in_lanes import InLanes
@@ -254,7 +255,7 @@ def table_of(tableau: PartitionedTableau) -> Array:
         out[:, ETA : ETA + s] = tableau.eta
         out[:, ETA + s :] = tableau.b[:, None] * tableau.continuation / tableau.b
         return out
-    with mpmath.workdps(DIGITS):
+    with many_digits(DIGITS):
         a, a_bar, b = tableau.exact_a, tableau.exact_a_bar, tableau.exact_b
         columns = [[(k, a_bar[k][j]) for k in range(s) if a_bar[k][j] != 0] for j in range(s)]
         for j in range(s):
