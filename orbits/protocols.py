@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from orbits.diagnostics import Drift
     from orbits.integrators.base import Integrator
     from orbits.lagrangians.terms.base import Term
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.marching.clocks.step_times import Places
     from orbits.point_masses import PointMasses
     from orbits.units import UnitSystem

@@ -9,7 +9,7 @@ Each function below is resolved at compile time to the clock's own:
         chooses step k of a block, lets the method take it, and repeats it if the clock rejects it. The status is that
         of the last attempt; `BEYOND` if the step would pass the goal of the march, `TOO_SHORT` if its length vanishes
 
-In Python, clocks are the classes of `orbits.marching.clocks.constant`.
+In Python, clocks are the classes of `orbits.marching.clocks.clock`.
 """
 
 from __future__ import annotations

@@ -7,7 +7,8 @@ import numpy as np
 from orbits.errors import InputError
 from orbits.integrators.base import Integrator
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock, ConstantSteps
+from orbits.marching.clocks.clock import Clock
+from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.legs.march import March
 from orbits.propagation.control.stop_conditions import Conditions
 from orbits.propagation.events.seeking import Seeking

@@ -20,7 +20,8 @@ from orbits.integrators.base import Integrator
 from orbits.kernels.compile import cpu_features, cpu_name
 from orbits.kernels.compile.source_hash import source_stamp
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks.constant import Clock, clock_of
+from orbits.marching.clocks.clock import Clock
+from orbits.marching.clocks.constant import clock_of
 from orbits.marching.legs.excursions.planet_excursions import Legs, PlanetExcursions
 from orbits.marching.legs.leg import Leg, available_threads
 from orbits.marching.legs.march import March

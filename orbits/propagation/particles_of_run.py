@@ -25,7 +25,7 @@ from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.integrators.maps.encounters import FOLLOW
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.following.excursion_rules import METHOD
 from orbits.marching.legs import within_step
 from orbits.marching.stepping.motion import Motion

@@ -16,7 +16,7 @@ from orbits.units import date_text, written
 if TYPE_CHECKING:
     from astropy.time import Time
 
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.results.passages import Passage
     from orbits.system import System
 

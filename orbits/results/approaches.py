@@ -23,7 +23,7 @@ from orbits.units import date_text, written
 if TYPE_CHECKING:
     from astropy.table import QTable
 
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.results.passages import Passage, Seen
     from orbits.system import System
 

@@ -15,7 +15,7 @@ from orbits.kernels.search.record import DISTANCE2, PARTNER, SPEED2, TIME
 from orbits.system.model import given_bodies
 
 if TYPE_CHECKING:
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.marching.legs.record import Record
     from orbits.system import System
 

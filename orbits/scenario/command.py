@@ -218,7 +218,7 @@ def changed(
             )
         return scenario if dt is None else replace(scenario, dt=step_or_clock(dt, "--dt"))
     from orbits import integrators
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
 
     new = scenario.with_changes(
         dt=None if dt is None else step_or_clock(dt, "--dt"),

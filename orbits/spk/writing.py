@@ -26,7 +26,7 @@ from orbits._version import __version__
 from orbits.body_names import chosen, index_of
 from orbits.checks import checked_flag, positive_number
 from orbits.errors import ArchiveError, EpochError, InputError, shown
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.clocks.step_times import Places
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.spk import bodies as naif

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from orbits.checks import single_number
 from orbits.errors import InputError, shown, with_unit
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock, ConstantSteps, clock_of
+from orbits.marching.clocks.clock import Clock
+from orbits.marching.clocks.constant import ConstantSteps, clock_of
 from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.clocks.variable_steps import ChangingSteps
 from orbits.time_grid.reading import is_date, snapped, times_since

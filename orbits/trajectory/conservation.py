@@ -33,7 +33,7 @@ from orbits.trajectory.changes import Changes, of_bodies
 from orbits.trajectory.work import ForceEffect, accounts_of, effects
 
 if TYPE_CHECKING:
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.protocols import Samples
     from orbits.system import System
     from orbits.trajectory.trajectory import Trajectory

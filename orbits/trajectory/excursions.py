@@ -29,7 +29,7 @@ from orbits.marching.legs.excursions.planet_encounters import NOBODY
 if TYPE_CHECKING:
     from astropy.table import QTable
 
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.system import System
     from orbits.trajectory.trajectory import Trajectory
 

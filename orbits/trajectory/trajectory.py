@@ -17,7 +17,8 @@ from orbits.checks import finite_numbers, place_in
 from orbits.errors import InputError, shown
 from orbits.export import Labelled, Tabular
 from orbits.former_names import Renamed
-from orbits.marching.clocks.constant import Clock, clock_of
+from orbits.marching.clocks.clock import Clock
+from orbits.marching.clocks.constant import clock_of
 from orbits.system import OrbitalElements, System
 from orbits.system.model import continued, most_inner
 from orbits.system.presenting import NANOSECONDS

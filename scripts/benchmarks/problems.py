@@ -13,7 +13,7 @@ import numpy as np
 import orbits
 from benchmarks.references import Exact, exact
 from orbits.lagrangians.newtonian import newtonian, parameters
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.legs.leg import Leg
 from orbits.point_masses import PointMasses
 from orbits.regression import peers

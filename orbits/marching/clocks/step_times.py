@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array
 
 if TYPE_CHECKING:
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
 
 UNLIMITED = 1 << 62
 """The number of steps of a block that nothing limits."""

@@ -23,7 +23,7 @@ from orbits.integrators.forms import Array, Form, coefficients_of
 from orbits.kernels.compile import kernel
 from orbits.kernels.dense import times_reached
 from orbits.kernels.lanes import WIDTH, load, store
-from orbits.marching.clocks.constant import OWN, Clock
+from orbits.marching.clocks.clock import OWN, Clock
 from orbits.marching.clocks.step_times import UNLIMITED, Ahead, Behind, Place, Places, StepTimes, Way
 
 TIME, TIME_LO, LENGTH, DIRECTION, LIMIT, EXACT, ORIGIN, NEXT = 0, 1, 2, 6, 7, 8, 9, 10

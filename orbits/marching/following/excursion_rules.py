@@ -18,7 +18,7 @@ from orbits.kernels.maps.jacobi_particles import ELSEWHERE, NUMBER
 from orbits.kernels.state import Columns
 from orbits.lagrangians.base import NEWTONIAN, Lagrangian
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import OWN, SHARED, Clock
+from orbits.marching.clocks.clock import OWN, SHARED, Clock
 from orbits.marching.following.alone_in_map import Lone
 from orbits.marching.following.contract import Block, Room
 from orbits.marching.following.follower import Follower

@@ -11,7 +11,7 @@ from weakref import proxy
 import numpy as np
 
 from orbits.errors import ConvergenceError, IntegrationError
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.following.contract import NO_SAMPLES
 from orbits.marching.legs.interruptions import Block, Interruption, Kind, LegWatcher
 from orbits.marching.legs.stepper import State

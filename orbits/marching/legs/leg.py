@@ -21,7 +21,8 @@ from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.lagrangians.base import Lagrangian
-from orbits.marching.clocks.constant import Clock, clock_of
+from orbits.marching.clocks.clock import Clock
+from orbits.marching.clocks.constant import clock_of
 from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.excursion_rules import OwnSteps
 from orbits.marching.following.lost_particles import LostParticles

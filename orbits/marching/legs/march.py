@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.clocks.step_times import Place, Places
 from orbits.marching.following.retirement import Retirement
 from orbits.marching.legs.samples import Samples

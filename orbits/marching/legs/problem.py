@@ -16,7 +16,7 @@ from orbits.integrators.forms import Array, Form
 from orbits.kernels.binding import Tag
 from orbits.kernels.gravity.terms_and_forces import acted_on
 from orbits.lagrangians.base import GIVEN, NEWTONIAN, SEPARABLE, Lagrangian
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.stepping.choice_of_form import form_of_bodies
 
 
@@ -44,7 +44,7 @@ class Problem:
     lagrangian, integrator : the problem and the method
     parameters : vector of the Lagrangian's kernels, for the massive bodies; for a sum of terms a tuple, Newton's first
     massive : (n,) bool; which bodies are massive
-    clock : the times of the steps (see `orbits.marching.clocks.constant`)
+    clock : the times of the steps (see `orbits.marching.clocks.clock`)
     names : (n,) names for messages
     threads : how many threads massless particles, and thousands of massive bodies, may use
     ends : what ends the leg besides what it cannot follow

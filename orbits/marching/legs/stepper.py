@@ -15,7 +15,8 @@ from orbits.forces.base import BoundForce
 from orbits.integrators.forms import Array
 from orbits.kernels.gravity.terms_and_forces import FIGURES
 from orbits.kernels.steps import BEYOND, INNER_NOT_CONVERGED, NOT_CONVERGED, OK, TOO_SHORT
-from orbits.marching.clocks.constant import Clock, ConstantSteps
+from orbits.marching.clocks.clock import Clock
+from orbits.marching.clocks.constant import ConstantSteps
 from orbits.marching.clocks.step_times import StepTimes
 from orbits.marching.following.contract import NO_SAMPLES, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps

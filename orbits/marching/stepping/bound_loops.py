@@ -14,7 +14,7 @@ from orbits.kernels.binding import Tag
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.state import Columns
 from orbits.kernels.steps import NOWHERE
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.clocks.step_times import Behind
 from orbits.marching.following.contract import NO_SAMPLES, Block, Followers, SamplesInBlock
 from orbits.marching.following.excursion_rules import OwnSteps, follower_of

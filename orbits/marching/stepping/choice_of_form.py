@@ -16,7 +16,7 @@ from orbits.integrators.kicks_and_drifts.splitting import Splitting
 from orbits.kernels.gravity.rigid_bodies import TAG as RIGID
 from orbits.kernels.lanes import WIDTH
 from orbits.lagrangians.base import GIVEN, GRADIENTS, MASSLESS_PARTICLES, SEPARABLE, Lagrangian
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 
 
 def form_for(integrator: Integrator, lagrangian: Lagrangian, *, canonical: bool = False) -> Form:

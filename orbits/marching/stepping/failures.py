@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from orbits.errors import ConvergenceError, IntegrationError, SingularityError
 from orbits.integrators.base import Integrator
 from orbits.kernels.steps import INNER_NOT_CONVERGED, NO_MULTIPLIERS, NOT_CONVERGED, NOT_REGULAR
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.watching.kepler_passages import HILL_RADII
 
 Array = NDArray[np.float64]

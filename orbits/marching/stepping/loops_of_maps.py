@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from orbits.integrators.forms import Array, Form
 from orbits.kernels.lanes import WIDTH
 from orbits.kernels.steps import Share, State, Storage
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.clocks.step_times import Behind
 from orbits.marching.stepping import driver
 from orbits.marching.stepping.alignment import aligned

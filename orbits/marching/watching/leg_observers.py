@@ -22,7 +22,7 @@ from orbits.kernels.search.context import Contexts
 from orbits.kernels.search.observers import ENTER, SEARCH, observe, observer_address
 from orbits.kernels.search.record import QUANTITIES, REACH, enter_passage, note_end
 from orbits.kernels.search.stopping import find_suspect, first_energy_error, path_energy
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.stepping.alignment import unwritten
 from orbits.marching.watching.kepler_passages import FLYBY, HILL_RADII
 from orbits.marching.watching.passage_list import BlockList

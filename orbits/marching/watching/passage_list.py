@@ -12,7 +12,7 @@ from orbits.errors import InputError
 from orbits.integrators.forms import Array
 from orbits.kernels.search.apsides import apsides_of
 from orbits.kernels.search.record import ABOUT, COLUMNS, FASTEST2, LEAST2, MATE, ROW, STATE, STEP, WHEN
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 
 BLOCK_ROOM = 8192
 """The most passages that are listed in a block, by all calls of kernels together. Each call has room for all of them,

@@ -27,7 +27,7 @@ from orbits.point_masses import PointMasses
 from orbits.propagation.marchers import LIGHT, march_of
 
 if TYPE_CHECKING:
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.results.passages import Passage
     from orbits.system import System
 

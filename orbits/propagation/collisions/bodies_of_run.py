@@ -9,7 +9,7 @@ from orbits.errors import EventError, with_unit
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
 from orbits.kernels.steps import NOWHERE
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.legs import within_step
 from orbits.marching.legs.excursions.planet_excursions import Legs
 from orbits.marching.legs.leg import Leg

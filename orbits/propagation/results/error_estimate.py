@@ -28,7 +28,7 @@ from orbits.results.error_bars import ErrorBars
 from orbits.system.model import model
 
 if TYPE_CHECKING:
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.trajectory import Trajectory
 
 

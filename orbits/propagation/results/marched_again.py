@@ -16,7 +16,7 @@ from orbits.system.model import continued
 from orbits.trajectory.changes import BODY, GM, GONE, TIME, Q, V, of_bodies
 
 if TYPE_CHECKING:
-    from orbits.marching.clocks.constant import Clock
+    from orbits.marching.clocks.clock import Clock
     from orbits.marching.legs.excursions.planet_excursions import Legs
     from orbits.system import System
     from orbits.trajectory import Trajectory

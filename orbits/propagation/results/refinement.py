@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from orbits.errors import IntegrationError
 from orbits.integrators.forms import Array
 from orbits.marching.clocks.adaptive import Adaptive
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.roots import newton
 from orbits.propagation.results.passage_walks import OnePair, Pairs, PairsTogether, Walk, massless_of, role_of
 from orbits.propagation.results.recording import observed_until

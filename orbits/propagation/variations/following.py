@@ -12,7 +12,7 @@ from orbits.checks import whole_number
 from orbits.errors import InputError, IntegrationError
 from orbits.integrators.base import Integrator
 from orbits.integrators.forms import Array
-from orbits.marching.clocks.constant import Clock
+from orbits.marching.clocks.clock import Clock
 from orbits.marching.clocks.transformed import TimeTransformed
 from orbits.marching.legs import within_step
 from orbits.marching.legs.leg import available_threads
